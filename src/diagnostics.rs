@@ -1,0 +1,81 @@
+//! What is wrong with a model: every problem found, each with its place and its remedy.
+
+use std::fmt;
+
+use crate::spec::Source;
+
+/// One problem.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Where.
+    pub source: Source,
+    /// Element and name, such as `geom "floor"`; empty if the file as a whole.
+    pub element: String,
+    /// What is wrong.
+    pub message: String,
+    /// What to do about it; may be empty.
+    pub remedy: String,
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(file) = &self.source.file {
+            write!(f, "{file}:")?;
+        }
+        if self.source.line > 0 {
+            write!(f, "{}:", self.source.line)?;
+        }
+        if self.source.file.is_some() || self.source.line > 0 {
+            write!(f, " ")?;
+        }
+        if !self.element.is_empty() {
+            write!(f, "{}: ", self.element)?;
+        }
+        write!(f, "{}", self.message)?;
+        if !self.remedy.is_empty() {
+            write!(f, " ({})", self.remedy)?;
+        }
+        Ok(())
+    }
+}
+
+/// Why a model was rejected: at least one [`Diagnostic`].
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Diagnostics(pub Vec<Diagnostic>);
+
+impl Diagnostics {
+    /// Adds a problem.
+    pub fn push(
+        &mut self,
+        source: &Source,
+        element: impl Into<String>,
+        message: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.0.push(Diagnostic {
+            source: source.clone(),
+            element: element.into(),
+            message: message.into(),
+            remedy: remedy.into(),
+        });
+    }
+
+    /// `Ok` if there is no problem.
+    pub fn into_result(self) -> Result<(), Diagnostics> {
+        if self.0.is_empty() { Ok(()) } else { Err(self) }
+    }
+}
+
+impl fmt::Display for Diagnostics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, d) in self.0.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{d}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Diagnostics {}

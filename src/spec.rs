@@ -1,0 +1,588 @@
+//! A model before compilation: what an MJCF file says once defaults, frames, replicas, angle units and orientation
+//! notations are resolved, or what Rust code builds directly.
+//!
+//! Angles are radians, orientations quaternions (w, x, y, z), lengths and masses whatever the model uses. Elements are
+//! kept in the order in which they were written. `compile` turns a `Spec` into a [`Model`](crate::Model) and is the only
+//! place that rejects one.
+
+use std::sync::Arc;
+
+pub use lanesim_kernels::options::Options;
+
+/// Where an element was written, for diagnostics. Elements built from code have the default: no file, line 0.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Source {
+    /// File, if any.
+    pub file: Option<Arc<str>>,
+    /// Line, counted from 1; 0: unknown.
+    pub line: u32,
+}
+
+/// `true`, `false` or decided by what else is given (MJCF `auto`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tri {
+    /// Decided by whether the range is given.
+    #[default]
+    Auto,
+    /// Off.
+    False,
+    /// On.
+    True,
+}
+
+/// What a whole model says: the input of the compiler.
+#[derive(Clone, Debug, Default)]
+pub struct Spec {
+    /// Name of the model.
+    pub name: String,
+    /// Compiler settings.
+    pub compiler: Compiler,
+    /// Simulation options.
+    pub option: Options,
+    /// Bodies; index 0 is the world, and a body comes after its parent.
+    pub bodies: Vec<Body>,
+    /// Explicit contact pairs.
+    pub pairs: Vec<Pair>,
+    /// Pairs of bodies whose geoms do not collide.
+    pub excludes: Vec<Exclude>,
+    /// Actuators.
+    pub actuators: Vec<Actuator>,
+    /// Keyframes.
+    pub keys: Vec<Key>,
+    /// What a lenient load left out, one sentence each; empty otherwise.
+    pub losses: Vec<String>,
+    /// Notes to the user: things that were dropped without effect on the physics, deprecated spellings.
+    pub notes: Vec<String>,
+}
+
+impl Spec {
+    /// An empty model: the world alone, with default options.
+    pub fn new(name: &str) -> Self {
+        Spec {
+            name: name.to_string(),
+            bodies: vec![Body { name: "world".into(), ..Body::default() }],
+            ..Spec::default()
+        }
+    }
+}
+
+/// Which bodies take mass and inertia from their geoms (MJCF `compiler/inertiafromgeom`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum InertiaFromGeom {
+    /// Bodies without `inertial`.
+    #[default]
+    Auto,
+    /// None.
+    False,
+    /// All.
+    True,
+}
+
+/// Compiler settings that act after parsing (MJCF `compiler`).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compiler {
+    /// Whether a range alone means that it is in force.
+    pub autolimits: bool,
+    /// Least mass of a moving body.
+    pub boundmass: f64,
+    /// Least diagonal inertia of a moving body.
+    pub boundinertia: f64,
+    /// Total mass to rescale to; not positive: leave alone.
+    pub settotalmass: f64,
+    /// Replace inertias that violate the triangle rule by their mean.
+    pub balanceinertia: bool,
+    /// Merge bodies without joints into their parents.
+    pub fusestatic: bool,
+    /// Drop geoms that only decorate: no contact and no part in inertia.
+    pub discardvisual: bool,
+    /// Align the frames of free bodies with their inertia.
+    pub alignfree: bool,
+    /// Which bodies take inertia from geoms.
+    pub inertiafromgeom: InertiaFromGeom,
+    /// Groups of geoms that count for inertia, inclusive.
+    pub inertiagrouprange: [i32; 2],
+}
+
+impl Default for Compiler {
+    fn default() -> Self {
+        Compiler {
+            autolimits: true,
+            boundmass: 0.0,
+            boundinertia: 0.0,
+            settotalmass: -1.0,
+            balanceinertia: false,
+            fusestatic: false,
+            discardvisual: false,
+            alignfree: false,
+            inertiafromgeom: InertiaFromGeom::Auto,
+            inertiagrouprange: [0, 5],
+        }
+    }
+}
+
+/// A rigid body (MJCF `body`).
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Name, or empty.
+    pub name: String,
+    /// Index of the parent in [`Spec::bodies`]; the world is its own parent.
+    pub parent: usize,
+    /// Position in the parent's frame.
+    pub pos: [f64; 3],
+    /// Orientation in the parent's frame.
+    pub quat: [f64; 4],
+    /// Whether the pose is an input of the simulation.
+    pub mocap: bool,
+    /// Fraction of the body's weight that is compensated.
+    pub gravcomp: f64,
+    /// Explicit mass and inertia.
+    pub inertial: Option<Inertial>,
+    /// Joints, in order.
+    pub joints: Vec<Joint>,
+    /// Geoms, in order.
+    pub geoms: Vec<Geom>,
+    /// Sites, in order.
+    pub sites: Vec<Site>,
+    /// Where it was written.
+    pub source: Source,
+}
+
+impl Default for Body {
+    fn default() -> Self {
+        Body {
+            name: String::new(),
+            parent: 0,
+            pos: [0.0; 3],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            mocap: false,
+            gravcomp: 0.0,
+            inertial: None,
+            joints: Vec::new(),
+            geoms: Vec::new(),
+            sites: Vec::new(),
+            source: Source::default(),
+        }
+    }
+}
+
+/// Explicit mass and inertia of a body (MJCF `inertial`).
+#[derive(Clone, Debug)]
+pub struct Inertial {
+    /// Centre of mass in the body frame.
+    pub pos: [f64; 3],
+    /// Orientation of the inertia's frame in the body frame.
+    pub quat: [f64; 4],
+    /// Mass.
+    pub mass: f64,
+    /// The inertia about the centre of mass.
+    pub inertia: Inertia,
+    /// Where it was written.
+    pub source: Source,
+}
+
+/// Rotational inertia about the centre of mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Inertia {
+    /// Principal moments, in the frame of [`Inertial::quat`].
+    Diagonal([f64; 3]),
+    /// Ixx, Iyy, Izz, Ixy, Ixz, Iyz in body axes; [`Inertial::quat`] is not used.
+    Full([f64; 6]),
+}
+
+/// The kind of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// Six degrees of freedom; only on a child of the world.
+    Free,
+    /// Three rotational degrees of freedom.
+    Ball,
+    /// Translation along the axis.
+    Slide,
+    /// Rotation about the axis.
+    Hinge,
+}
+
+/// A joint (MJCF `joint`, `freejoint`).
+#[derive(Clone, Debug)]
+pub struct Joint {
+    /// Name, or empty.
+    pub name: String,
+    /// Kind.
+    pub kind: JointKind,
+    /// Anchor in the body frame; not used by free joints.
+    pub pos: [f64; 3],
+    /// Axis in the body frame, any positive length; slides and hinges.
+    pub axis: [f64; 3],
+    /// Limits, rad or m; `None`: not given. Ball: (0, largest angle).
+    pub range: Option<[f64; 2]>,
+    /// Whether the range is in force.
+    pub limited: Tri,
+    /// Distance below which the limit acts.
+    pub margin: f64,
+    /// Value of the position in the defining configuration.
+    pub reference: f64,
+    /// Position at which the spring is at rest.
+    pub springref: f64,
+    /// Coefficients of the spring force a x + b x² + c x³.
+    pub stiffness: [f64; 3],
+    /// Coefficients of the damper force a v + b v|v| + c v³.
+    pub damping: [f64; 3],
+    /// Time constant and damping ratio that override stiffness and damping when both are positive.
+    pub springdamper: [f64; 2],
+    /// Inertia added to the diagonal of the inertia matrix.
+    pub armature: f64,
+    /// Dry friction.
+    pub frictionloss: f64,
+    /// `solref` of the limit.
+    pub solreflimit: [f64; 2],
+    /// `solimp` of the limit.
+    pub solimplimit: [f64; 5],
+    /// `solref` of dry friction.
+    pub solreffriction: [f64; 2],
+    /// `solimp` of dry friction.
+    pub solimpfriction: [f64; 5],
+    /// Bounds on the total actuator force; `None`: not given.
+    pub actuatorfrcrange: Option<[f64; 2]>,
+    /// Whether those bounds are in force.
+    pub actuatorfrclimited: Tri,
+    /// Whether gravity compensation counts as an actuator force.
+    pub actuatorgravcomp: bool,
+    /// Group, for display.
+    pub group: i32,
+    /// Where it was written.
+    pub source: Source,
+}
+
+/// MuJoCo's default `solref`.
+pub const SOLREF: [f64; 2] = [0.02, 1.0];
+/// MuJoCo's default `solimp`.
+pub const SOLIMP: [f64; 5] = [0.9, 0.95, 0.001, 0.5, 2.0];
+
+impl Default for Joint {
+    fn default() -> Self {
+        Joint {
+            name: String::new(),
+            kind: JointKind::Hinge,
+            pos: [0.0; 3],
+            axis: [0.0, 0.0, 1.0],
+            range: None,
+            limited: Tri::Auto,
+            margin: 0.0,
+            reference: 0.0,
+            springref: 0.0,
+            stiffness: [0.0; 3],
+            damping: [0.0; 3],
+            springdamper: [0.0; 2],
+            armature: 0.0,
+            frictionloss: 0.0,
+            solreflimit: SOLREF,
+            solimplimit: SOLIMP,
+            solreffriction: SOLREF,
+            solimpfriction: SOLIMP,
+            actuatorfrcrange: None,
+            actuatorfrclimited: Tri::Auto,
+            actuatorgravcomp: false,
+            group: 0,
+            source: Source::default(),
+        }
+    }
+}
+
+/// The shape of a geom or site, in MuJoCo's order (a pair of geoms is sorted by it).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Shape {
+    /// Infinite plane, normal along z.
+    Plane,
+    /// Sphere: radius.
+    Sphere,
+    /// Capsule along z: radius, half length of the cylinder part.
+    Capsule,
+    /// Ellipsoid: three semi-axes.
+    Ellipsoid,
+    /// Cylinder along z: radius, half length.
+    Cylinder,
+    /// Box: three half sizes.
+    Box,
+}
+
+/// How a geom's mass is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GeomMass {
+    /// Mass.
+    Mass(f64),
+    /// Density; times volume, or area for shells.
+    Density(f64),
+}
+
+/// A geometric shape fixed to a body (MJCF `geom`).
+#[derive(Clone, Debug)]
+pub struct Geom {
+    /// Name, or empty.
+    pub name: String,
+    /// Shape.
+    pub shape: Shape,
+    /// Sizes, as [`Shape`] says; the rest 0.
+    pub size: [f64; 3],
+    /// Position in the body frame.
+    pub pos: [f64; 3],
+    /// Orientation in the body frame.
+    pub quat: [f64; 4],
+    /// Mass or density.
+    pub mass: GeomMass,
+    /// Whether the mass lies on the surface.
+    pub shellinertia: bool,
+    /// Contact type bits.
+    pub contype: u32,
+    /// Contact affinity bits.
+    pub conaffinity: u32,
+    /// Dimension of the contact: 1, 3, 4 or 6.
+    pub condim: i32,
+    /// Of two geoms, the one with the higher priority sets the contact's parameters.
+    pub priority: i32,
+    /// Group, for display and `inertiagrouprange`.
+    pub group: i32,
+    /// Sliding, torsional and rolling friction.
+    pub friction: [f64; 3],
+    /// Weight when parameters of two geoms are mixed.
+    pub solmix: f64,
+    /// Contact reference parameters.
+    pub solref: [f64; 2],
+    /// Contact impedance parameters.
+    pub solimp: [f64; 5],
+    /// Distance below which the contact acts.
+    pub margin: f64,
+    /// Distance beyond the margin within which contacts are listed without acting.
+    pub gap: f64,
+    /// Where it was written.
+    pub source: Source,
+}
+
+impl Default for Geom {
+    fn default() -> Self {
+        Geom {
+            name: String::new(),
+            shape: Shape::Sphere,
+            size: [0.0; 3],
+            pos: [0.0; 3],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            mass: GeomMass::Density(1000.0),
+            shellinertia: false,
+            contype: 1,
+            conaffinity: 1,
+            condim: 3,
+            priority: 0,
+            group: 0,
+            friction: [1.0, 0.005, 0.0001],
+            solmix: 1.0,
+            solref: SOLREF,
+            solimp: SOLIMP,
+            margin: 0.0,
+            gap: 0.0,
+            source: Source::default(),
+        }
+    }
+}
+
+/// A frame of interest fixed to a body (MJCF `site`).
+#[derive(Clone, Debug)]
+pub struct Site {
+    /// Name, or empty.
+    pub name: String,
+    /// Shape.
+    pub shape: Shape,
+    /// Sizes.
+    pub size: [f64; 3],
+    /// Position in the body frame.
+    pub pos: [f64; 3],
+    /// Orientation in the body frame.
+    pub quat: [f64; 4],
+    /// Group, for display.
+    pub group: i32,
+    /// Where it was written.
+    pub source: Source,
+}
+
+impl Default for Site {
+    fn default() -> Self {
+        Site {
+            name: String::new(),
+            shape: Shape::Sphere,
+            size: [0.005; 3],
+            pos: [0.0; 3],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            group: 0,
+            source: Source::default(),
+        }
+    }
+}
+
+/// An explicit contact pair with its own parameters (MJCF `contact/pair`).
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// Name, or empty.
+    pub name: String,
+    /// Name of the first geom.
+    pub geom1: String,
+    /// Name of the second geom.
+    pub geom2: String,
+    /// Dimension of the contact.
+    pub condim: i32,
+    /// Two tangential, one torsional, two rolling coefficients.
+    pub friction: [f64; 5],
+    /// Reference parameters.
+    pub solref: [f64; 2],
+    /// Reference parameters of friction rows of elliptic cones; zero: `solref`.
+    pub solreffriction: [f64; 2],
+    /// Impedance parameters.
+    pub solimp: [f64; 5],
+    /// Distance below which the contact acts.
+    pub margin: f64,
+    /// Distance beyond the margin within which the contact is listed.
+    pub gap: f64,
+    /// Where it was written.
+    pub source: Source,
+}
+
+impl Default for Pair {
+    fn default() -> Self {
+        Pair {
+            name: String::new(),
+            geom1: String::new(),
+            geom2: String::new(),
+            condim: 3,
+            friction: [1.0, 1.0, 0.005, 1e-4, 1e-4],
+            solref: SOLREF,
+            solreffriction: [0.0; 2],
+            solimp: SOLIMP,
+            margin: 0.0,
+            gap: 0.0,
+            source: Source::default(),
+        }
+    }
+}
+
+/// Two bodies whose geoms do not collide (MJCF `contact/exclude`).
+#[derive(Clone, Debug, Default)]
+pub struct Exclude {
+    /// Name, or empty.
+    pub name: String,
+    /// Name of the first body.
+    pub body1: String,
+    /// Name of the second body.
+    pub body2: String,
+    /// Where it was written.
+    pub source: Source,
+}
+
+/// What an actuator acts on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Transmission {
+    /// A joint; for rotations of ball and free joints the gear is in the child's frame.
+    Joint(String),
+    /// A joint; for rotations of ball and free joints the gear is in the parent's frame.
+    JointInParent(String),
+}
+
+/// How an actuator's gain follows length and velocity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gain {
+    /// `prm[0]`.
+    Fixed,
+    /// `prm[0] + prm[1]·length + prm[2]·velocity`.
+    Affine,
+}
+
+/// How an actuator's bias follows length and velocity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bias {
+    /// 0.
+    None,
+    /// `prm[0] + prm[1]·length + prm[2]·velocity`.
+    Affine,
+}
+
+/// An actuator (MJCF `actuator/*`).
+#[derive(Clone, Debug)]
+pub struct Actuator {
+    /// Name, or empty.
+    pub name: String,
+    /// What it acts on.
+    pub transmission: Transmission,
+    /// Scales length and force; six components for ball and free joints.
+    pub gear: [f64; 6],
+    /// Gain kind.
+    pub gain: Gain,
+    /// Gain parameters.
+    pub gainprm: [f64; 3],
+    /// Bias kind.
+    pub bias: Bias,
+    /// Bias parameters.
+    pub biasprm: [f64; 3],
+    /// Damping ratio from which the velocity gain of a position servo follows; 0: not used.
+    pub dampratio: f64,
+    /// Control range as a multiple of the joint's range; 0: not used.
+    pub inheritrange: f64,
+    /// Control range; `None`: not given.
+    pub ctrlrange: Option<[f64; 2]>,
+    /// Whether the control range is in force.
+    pub ctrllimited: Tri,
+    /// Force range; `None`: not given.
+    pub forcerange: Option<[f64; 2]>,
+    /// Whether the force range is in force.
+    pub forcelimited: Tri,
+    /// Damping of the actuated joint, reflected through the gear squared: polynomial coefficients.
+    pub damping: [f64; 3],
+    /// Inertia added to the actuated joint, reflected through the gear squared.
+    pub armature: f64,
+    /// Group, for `actuatorgroupdisable`.
+    pub group: i32,
+    /// Where it was written.
+    pub source: Source,
+}
+
+impl Default for Actuator {
+    fn default() -> Self {
+        Actuator {
+            name: String::new(),
+            transmission: Transmission::Joint(String::new()),
+            gear: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            gain: Gain::Fixed,
+            gainprm: [1.0, 0.0, 0.0],
+            bias: Bias::None,
+            biasprm: [0.0; 3],
+            dampratio: 0.0,
+            inheritrange: 0.0,
+            ctrlrange: None,
+            ctrllimited: Tri::Auto,
+            forcerange: None,
+            forcelimited: Tri::Auto,
+            damping: [0.0; 3],
+            armature: 0.0,
+            group: 0,
+            source: Source::default(),
+        }
+    }
+}
+
+/// A saved state (MJCF `keyframe/key`); `None`: the default value.
+#[derive(Clone, Debug, Default)]
+pub struct Key {
+    /// Name, or empty.
+    pub name: String,
+    /// Time, s.
+    pub time: f64,
+    /// Positions, length `nq`.
+    pub qpos: Option<Vec<f64>>,
+    /// Velocities, length `nv`.
+    pub qvel: Option<Vec<f64>>,
+    /// Activations, length `na`.
+    pub act: Option<Vec<f64>>,
+    /// Controls, length `nu`.
+    pub ctrl: Option<Vec<f64>>,
+    /// Mocap positions, length `3 nmocap`.
+    pub mpos: Option<Vec<f64>>,
+    /// Mocap orientations, length `4 nmocap`.
+    pub mquat: Option<Vec<f64>>,
+    /// Where it was written.
+    pub source: Source,
+}
