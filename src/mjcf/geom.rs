@@ -32,7 +32,7 @@ const KINDS: &[(&str, Kind)] = &[
 pub(super) struct Placement {
     kind: Kind,
     size: [f64; 3],
-    pos: Option<[f64; 3]>,
+    pos: [f64; 3],
     orientation: Orientation,
     fromto: Option<[f64; 6]>,
     /// Name of a mesh to fit the shape to.
@@ -44,7 +44,7 @@ impl Placement {
         Placement {
             kind: Kind::Shape(Shape::Sphere),
             size,
-            pos: None,
+            pos: [0.0; 3],
             orientation: Orientation::IDENTITY,
             fromto: None,
             mesh: String::new(),
@@ -54,10 +54,7 @@ impl Placement {
     fn read(&mut self, reader: &mut Reader) {
         reader.keyword("type", KINDS, &mut self.kind);
         reader.leading("size", &mut self.size);
-        let mut pos = [0.0; 3];
-        if reader.list("pos", &mut pos) {
-            self.pos = Some(pos);
-        }
+        reader.list("pos", &mut self.pos);
         reader.orientation(&mut self.orientation);
         let mut fromto = [0.0; 6];
         if reader.list("fromto", &mut fromto) {
@@ -82,13 +79,13 @@ impl Placement {
     /// Shape, size, position and orientation; `None` if something is wrong, which is reported.
     fn resolve(&self, element: &Element, angles: &Angles, report: &mut Report) -> Option<Resolved> {
         let Kind::Shape(shape) = self.kind else { return None };
-        let (size, pos) = (self.size, self.pos.unwrap_or_default());
+        let (size, pos) = (self.size, self.pos);
         let problem = match self.fromto {
             None => match self.orientation.quat(angles) {
                 Ok(quat) => return Some(Resolved { shape, size, pos, quat }),
                 Err(message) => message,
             },
-            Some(_) if self.pos.is_some() => "both pos and fromto are given",
+            Some(_) if pos != [0.0; 3] => "both pos and fromto are given",
             Some(ends) => match span(shape, size, ends) {
                 Ok(resolved) => return Some(resolved),
                 Err(message) => message,

@@ -2,7 +2,7 @@
 
 use super::orientation::Angles;
 use super::reader::Reader;
-use crate::spec::{Joint, JointKind};
+use crate::spec::{Joint, JointKind, Tri};
 
 const KINDS: &[(&str, JointKind)] =
     &[("free", JointKind::Free), ("ball", JointKind::Ball), ("slide", JointKind::Slide), ("hinge", JointKind::Hinge)];
@@ -33,7 +33,7 @@ pub(super) fn read(reader: &mut Reader, joint: &mut Joint) {
     reader.neutral("springyield", "yielding springs (springyield) are");
 }
 
-/// Turns angles into radians.
+/// Turns angles into radians, and drops what a free joint has no use for.
 pub(super) fn finish(joint: &mut Joint, angles: &Angles) {
     let scale = angles.scale;
     if matches!(joint.kind, JointKind::Hinge | JointKind::Ball) {
@@ -42,6 +42,10 @@ pub(super) fn finish(joint: &mut Joint, angles: &Angles) {
     if joint.kind == JointKind::Hinge {
         joint.reference *= scale;
         joint.springref *= scale;
+    }
+    if joint.kind == JointKind::Free {
+        // Defaults often give every joint a limit; a free one has none.
+        (joint.range, joint.limited) = (None, Tri::False);
     }
 }
 
