@@ -54,11 +54,8 @@ impl Replica {
         let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));
         let content = Body { geoms, sites, ..Body::default() };
         let names = Names::new(&bodies, &content);
-        let (pairs, excludes, actuators) = (
-            builder.pairs.within(&names.geoms),
-            builder.excludes.within(&names.bodies),
-            builder.actuators.within(&names.joints),
-        );
+        let (pairs, excludes, actuators) =
+            (builder.pairs.to(&names.geoms), builder.excludes.to(&names.bodies), builder.actuators.to(&names.joints));
         let size = elements(&content) + bodies.iter().map(|body| 1 + elements(body)).sum::<usize>();
         let size = size + pairs.len() + excludes.len() + actuators.len();
         // The empty case is bounded too: names of replicas cost time even if nothing is in them.
@@ -68,9 +65,9 @@ impl Replica {
 
         let width = count.to_string().len();
         let suffixes: Vec<String> = (0..count).map(|k| format!("{separator}{k:0width$}")).collect();
-        builder.pairs.replicate(&pairs, &suffixes);
-        builder.excludes.replicate(&excludes, &suffixes);
-        builder.actuators.replicate(&actuators, &suffixes);
+        builder.pairs.replicate(&pairs, &names.geoms, &suffixes);
+        builder.excludes.replicate(&excludes, &names.bodies, &suffixes);
+        builder.actuators.replicate(&actuators, &names.joints, &suffixes);
         let step = Pose { pos: offset, quat };
         let mut frame = Pose::IDENTITY;
         for suffix in &suffixes {
