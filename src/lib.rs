@@ -2,6 +2,7 @@
 
 pub mod compile;
 pub mod diagnostics;
+pub mod mjcf;
 pub mod model;
 pub mod spec;
 
