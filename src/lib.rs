@@ -4,7 +4,9 @@ mod batch;
 mod block;
 pub mod compile;
 pub mod diagnostics;
+<<<<<<< HEAD
 pub mod error;
+pub mod eval;
 pub mod mjcf;
 pub mod model;
 pub mod noise;
@@ -12,6 +14,10 @@ pub mod npz;
 pub mod outputs;
 pub mod pool;
 pub mod rollout;
+=======
+pub mod mjcf;
+pub mod model;
+>>>>>>> compile
 pub mod spec;
 pub mod worlds;
 

@@ -99,6 +99,22 @@ impl Links {
         }
     }
 
+    /// The bodies' table.
+    pub fn bodies(&self, scene: &Scene) -> Vec<Body<f64>> {
+        let com = |(b, body): (usize, &super::order::Body)| self.body_pose[b].then(&body.mass.frame).pos.to_array();
+        let link = self.body_link.iter();
+        link.zip(scene.bodies.iter().enumerate().map(com)).map(|(&link, com)| Body { link, com }).collect()
+    }
+
+    /// Potential energy of the bodies that stand still.
+    pub fn potential_still(&self, scene: &Scene, gravity: [f64; 3]) -> f64 {
+        let still = scene.bodies.iter().enumerate().filter(|&(b, _)| self.body_link[b] == NONE);
+        let height = |(b, body): (usize, &super::order::Body)| {
+            -body.mass.mass * DVec3::from(gravity).dot(self.body_pose[b].then(&body.mass.frame).pos)
+        };
+        still.map(height).sum()
+    }
+
     /// Where bodies, their inertial frames, geoms and sites are.
     /// The bodies as places where forces act.
     pub fn bodies(&self, scene: &Scene) -> Vec<Body<f64>> {

@@ -109,7 +109,13 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
+<<<<<<< HEAD
         gravity,
+=======
+        potential_still: links.potential_still(&scene, gravity),
+        gravity,
+        bodies: links.bodies(&scene),
+>>>>>>> compile
         tree_root: links.tree_root.clone(),
         links: links.links.clone(),
     };
