@@ -4,7 +4,6 @@ mod batch;
 mod block;
 pub mod compile;
 pub mod diagnostics;
-<<<<<<< HEAD
 pub mod error;
 pub mod eval;
 pub mod mjcf;
@@ -14,10 +13,6 @@ pub mod npz;
 pub mod outputs;
 pub mod pool;
 pub mod rollout;
-=======
-pub mod mjcf;
-pub mod model;
->>>>>>> compile
 pub mod spec;
 pub mod worlds;
 
