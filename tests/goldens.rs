@@ -1,0 +1,459 @@
+//! Our models against MuJoCo 4.0.0: model arrays, every stage's results at the recorded states, and one step.
+//!
+//! `tests/goldens/README.md` says what the files hold. A number is judged against the size of its field in its state: the
+//! largest entry, or the floor given with the field.
+
+mod support;
+
+use std::collections::BTreeMap;
+
+use lanesim::eval::eval;
+use lanesim::model::ArrayData;
+use lanesim::npz::{self, Array};
+use lanesim::{Backend, Model, Options, Precision};
+use support::{agree, all_models, load_with, options, repository};
+
+/// Models that compile and are evaluated only when more is built, with what the error must say.
+const NOT_BUILT: [(&str, &str); 1] = [("unit/condim_elliptic", "elliptic cones are not built yet")];
+
+/// How far results may be from MuJoCo's, relative to the field's size.
+struct Tolerances {
+    /// Poses and dof axes.
+    kinematics: f64,
+    /// Inertia, forces, smooth acceleration, energy.
+    dynamics: f64,
+    /// The smooth acceleration: forces times the inverse of an inertia matrix whose condition number reaches 1e5.
+    qacc_smooth: f64,
+    /// Contact distance, place and frame.
+    contacts: f64,
+    /// Rows: Jacobian, position, regulariser, reference.
+    rows: f64,
+    /// Acceleration, forces of rows.
+    solution: f64,
+    /// Positions and velocities after a step.
+    step: f64,
+}
+
+/// Both sides round differently, and that is all.
+const F64: Tolerances = Tolerances {
+    kinematics: 1e-12,
+    dynamics: 1e-11,
+    qacc_smooth: 1e-10,
+    contacts: 1e-11,
+    rows: 1e-10,
+    solution: 1e-8,
+    step: 1e-9,
+};
+
+/// Rounding the input alone gives 6e-8 per number; positions relative to the world's origin and sums over a tree of thirty
+/// links add to that, differences of nearly equal numbers (distances, velocities of contacts) more.
+const F32: Tolerances = Tolerances {
+    kinematics: 2e-6,
+    dynamics: 1e-5,
+    qacc_smooth: 1e-3,
+    contacts: 1e-5,
+    rows: 1e-3,
+    solution: 1e-3,
+    step: 1e-5,
+};
+
+struct Golden {
+    name: String,
+    model: Model,
+    arrays: BTreeMap<String, Array>,
+}
+
+/// The solver runs to the minimiser, as it did for the goldens.
+const CONVERGED: [(&str, &str); 3] = [("tolerance", "1e-14"), ("ls_tolerance", "1e-6"), ("iterations", "200")];
+
+impl Golden {
+    fn read(name: &str) -> Golden {
+        let file = name.split('/').next_back().unwrap_or(name);
+        let path = repository("tests/goldens").join(format!("{file}.npz"));
+        let arrays = npz::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        Golden { name: name.into(), model: load_with(name, &CONVERGED), arrays }
+    }
+
+    fn all() -> Vec<Golden> {
+        all_models().iter().map(|name| Golden::read(name)).collect()
+    }
+
+    /// Those that can be evaluated.
+    fn built() -> Vec<Golden> {
+        let built = |golden: &Golden| NOT_BUILT.iter().all(|(name, _)| *name != golden.name);
+        Golden::all().into_iter().filter(built).collect()
+    }
+
+    /// An array; empty ones are not recorded.
+    fn array(&self, name: &str) -> Vec<f64> {
+        self.arrays.get(name).map_or(vec![], |array| array.to_f64().into_owned())
+    }
+
+    fn inputs(&self) -> BTreeMap<String, Array> {
+        let input = |(name, array): (&String, &Array)| Some((name.strip_prefix("in/")?.to_string(), array.clone()));
+        self.arrays.iter().filter_map(input).collect()
+    }
+
+    /// Number of recorded states. A model without positions or controls has one, of no numbers.
+    fn states(&self) -> usize {
+        self.array("out/ncon").len()
+    }
+
+    /// The rows of an array with a leading dimension of states.
+    fn rows(&self, array: &[f64]) -> Vec<Vec<f64>> {
+        let n = self.states();
+        let width = array.len() / n;
+        (0..n).map(|i| array[i * width..(i + 1) * width].to_vec()).collect()
+    }
+
+    /// Our results, by field.
+    fn eval(&self, fields: &[&str], nstep: usize, options: &Options) -> BTreeMap<String, Vec<Vec<f64>>> {
+        let mut inputs = self.inputs();
+        // States of a model without inputs are all alike, and one world per state must still come out.
+        inputs.insert("time".into(), Array::vector(vec![0.0; self.states()]));
+        let outputs = eval(&self.model, &inputs, fields, nstep, options).unwrap_or_else(|e| panic!("{}: {e}", self.name));
+        outputs.into_iter().map(|(name, array)| (name, self.rows(&array.to_f64()))).collect()
+    }
+}
+
+/// Collects what is wrong, to name everything at once.
+#[derive(Default)]
+struct Failures {
+    list: Vec<String>,
+    checked: usize,
+}
+
+impl Failures {
+    fn check(&mut self, place: impl FnOnce() -> String, result: Result<(), String>) {
+        self.checked += 1;
+        if let Err(message) = result {
+            self.list.push(format!("{}{message}", place()));
+        }
+    }
+
+    #[track_caller]
+    fn report(self) {
+        let (n, checked) = (self.list.len(), self.checked);
+        assert!(checked > 0, "nothing was compared");
+        assert!(n == 0, "{n} of {checked} comparisons fail:\n{}", self.list.join("\n"));
+    }
+}
+
+/// Compares fields with a fixed shape, in every state of every model. Fields come with tolerance and floor.
+#[track_caller]
+fn check_fields(options: &Options, fields: &[(&str, f64, f64)]) {
+    let names: Vec<&str> = fields.iter().map(|field| field.0).collect();
+    let mut failures = Failures::default();
+    for golden in Golden::built() {
+        let ours = golden.eval(&names, 0, options);
+        for (name, tolerance, floor) in fields {
+            let expected = golden.rows(&golden.array(&format!("out/{name}")));
+            for (state, (got, expected)) in ours[*name].iter().zip(&expected).enumerate() {
+                let place = || format!("{} state {state} {name}", golden.name);
+                failures.check(place, agree(got, expected, *tolerance, *floor));
+            }
+        }
+    }
+    failures.report();
+}
+
+fn kinematics(options: &Options, tolerances: &Tolerances) {
+    let t = tolerances.kinematics;
+    let fields = "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length";
+    check_fields(options, &fields.split(' ').map(|name| (name, t, 1.0)).collect::<Vec<_>>());
+}
+
+fn dynamics(options: &Options, tolerances: &Tolerances) {
+    let t = tolerances.dynamics;
+    let forces = "qfrc_bias qfrc_passive actuator_force qfrc_actuator energy actuator_velocity";
+    let mut fields: Vec<_> = forces.split(' ').map(|name| (name, t, 1.0)).collect();
+    fields.push(("qM", t, 1e-3));
+    fields.push(("qacc_smooth", tolerances.qacc_smooth, 1.0));
+    check_fields(options, &fields);
+}
+
+/// For each of MuJoCo's contacts, the one of ours between the same geoms that is nearest and not yet taken.
+fn match_contacts(geoms: [&[f64]; 2], places: [&[f64]; 2], counts: [usize; 2]) -> Result<Vec<usize>, String> {
+    let [ours, theirs] = counts;
+    if ours != theirs {
+        return Err(format!("ncon is {ours} instead of {theirs}"));
+    }
+    let mut free: Vec<usize> = (0..ours).collect();
+    let mut found = Vec::new();
+    for c in 0..theirs {
+        let distance = |i: usize| (0..3).map(|k| (places[0][3 * i + k] - places[1][3 * c + k]).powi(2)).sum::<f64>();
+        let same = |i: &&usize| geoms[0][2 * **i..2 * **i + 2] == geoms[1][2 * c..2 * c + 2];
+        let Some(&best) = free.iter().filter(same).min_by(|a, b| distance(**a).total_cmp(&distance(**b))) else {
+            return Err(format!("there is no contact between geoms {:?}", &geoms[1][2 * c..2 * c + 2]));
+        };
+        free.retain(|i| *i != best);
+        found.push(best);
+    }
+    Ok(found)
+}
+
+/// Contacts of one state: ours beside MuJoCo's.
+struct Contacts {
+    ours: BTreeMap<String, Vec<f64>>,
+    theirs: BTreeMap<String, Vec<f64>>,
+    matched: Vec<usize>,
+}
+
+const CONTACT_FIELDS: [&str; 9] = [
+    "ncon",
+    "contact_geom",
+    "contact_dim",
+    "contact_dist",
+    "contact_pos",
+    "contact_frame",
+    "contact_friction",
+    "contact_margin",
+    "contact_efc",
+];
+const ROW_FIELDS: [&str; 9] =
+    ["nefc", "efc_type", "efc_id", "efc_J", "efc_pos", "efc_D", "efc_R", "efc_aref", "efc_force"];
+
+/// Calls `f` for every state with its contacts and rows; states whose contacts do not match are failures.
+fn each_state(options: &Options, failures: &mut Failures, mut f: impl FnMut(&Golden, usize, &Contacts, &mut Failures)) {
+    let names: Vec<&str> = CONTACT_FIELDS.into_iter().chain(ROW_FIELDS).collect();
+    for golden in Golden::built() {
+        let ours = golden.eval(&names, 0, options);
+        for state in 0..golden.states() {
+            let mine = names.iter().map(|name| (name.to_string(), ours[*name][state].clone())).collect();
+            let recorded = |name: &&str| (name.to_string(), golden.rows(&golden.array(&format!("out/{name}")))[state].clone());
+            let theirs = names.iter().map(recorded).collect();
+            let mut contacts = Contacts { ours: mine, theirs, matched: vec![] };
+            let pick = |field: &str| [&contacts.ours[field][..], &contacts.theirs[field][..]];
+            let counts = pick("ncon").map(|n| n[0] as usize);
+            match match_contacts(pick("contact_geom"), pick("contact_pos"), counts) {
+                Ok(matched) => contacts.matched = matched,
+                Err(message) => {
+                    failures.check(|| format!("{} state {state} ", golden.name), Err(message));
+                    continue;
+                }
+            }
+            f(&golden, state, &contacts, failures);
+        }
+    }
+}
+
+fn contacts(options: &Options, tolerances: &Tolerances) {
+    let t = tolerances.contacts;
+    let fields = [
+        ("contact_dim", 1, 0.0),
+        ("contact_dist", 1, t),
+        ("contact_pos", 3, t),
+        ("contact_frame", 9, t),
+        ("contact_friction", 5, t),
+        ("contact_margin", 1, t),
+    ];
+    let mut failures = Failures::default();
+    each_state(options, &mut failures, |golden, state, contacts, failures| {
+        for (c, ours) in contacts.matched.iter().enumerate() {
+            for (name, width, tolerance) in fields {
+                let got = &contacts.ours[name][ours * width..(ours + 1) * width];
+                let expected = &contacts.theirs[name][c * width..(c + 1) * width];
+                let place = || format!("{} state {state} contact {c} {name}", golden.name);
+                failures.check(place, agree(got, expected, tolerance, 1.0));
+            }
+        }
+    });
+    failures.report();
+}
+
+/// For each of MuJoCo's rows, ours: contact rows by contact, the others by type, id and order.
+fn match_rows(contacts: &Contacts) -> Result<Vec<usize>, String> {
+    const FIRST_CONTACT_TYPE: f64 = 5.0;
+    let key = |side: &BTreeMap<String, Vec<f64>>, row: usize, to_theirs: bool| {
+        let (kind, id) = (side["efc_type"][row], side["efc_id"][row] as usize);
+        let theirs = |id| contacts.matched.iter().position(|ours| *ours == id).unwrap_or(usize::MAX);
+        (kind as usize, if to_theirs && kind >= FIRST_CONTACT_TYPE { theirs(id) } else { id })
+    };
+    let (ours, theirs) = (contacts.ours["nefc"][0] as usize, contacts.theirs["nefc"][0] as usize);
+    if ours != theirs {
+        return Err(format!("nefc is {ours} instead of {theirs}"));
+    }
+    let mut free: Vec<usize> = (0..ours).collect();
+    let mut found = Vec::new();
+    for row in 0..theirs {
+        let wanted = key(&contacts.theirs, row, false);
+        let Some(at) = free.iter().position(|r| key(&contacts.ours, *r, true) == wanted) else {
+            return Err(format!("there is no row of type {} and id {}", wanted.0, wanted.1));
+        };
+        found.push(free.remove(at));
+    }
+    Ok(found)
+}
+
+/// Compares fields of rows: name, tolerance, floor.
+fn check_rows(options: &Options, fields: &[(&str, f64, f64)]) {
+    let mut failures = Failures::default();
+    each_state(options, &mut failures, |golden, state, contacts, failures| {
+        let place = |name: &str| format!("{} state {state} {name}", golden.name);
+        let matched = match match_rows(contacts) {
+            Ok(matched) => matched,
+            Err(message) => return failures.check(|| place(""), Err(message)),
+        };
+        let nv = golden.model.tables().sizes.nv;
+        for (name, tolerance, floor) in fields {
+            let width = if *name == "efc_J" { nv } else { 1 };
+            let row = |values: &[f64], r: usize| values[r * width..(r + 1) * width].to_vec();
+            let got: Vec<f64> = matched.iter().flat_map(|r| row(&contacts.ours[*name], *r)).collect();
+            let expected: Vec<f64> = (0..matched.len()).flat_map(|r| row(&contacts.theirs[*name], r)).collect();
+            failures.check(|| place(name), agree(&got, &expected, *tolerance, *floor));
+        }
+    });
+    failures.report();
+}
+
+fn rows(options: &Options, tolerances: &Tolerances) {
+    let t = tolerances.rows;
+    check_rows(options, &["efc_J", "efc_pos", "efc_D", "efc_R", "efc_aref"].map(|name| (name, t, 1.0)));
+}
+
+fn solution(options: &Options, tolerances: &Tolerances) {
+    let t = tolerances.solution;
+    check_fields(options, &[("qacc", t, 1.0), ("qfrc_constraint", t, 1.0)]);
+    check_rows(options, &[("efc_force", t, 1.0)]);
+}
+
+fn step(options: &Options, tolerances: &Tolerances) {
+    let mut failures = Failures::default();
+    for golden in Golden::built() {
+        let ours = golden.eval(&["qpos", "qvel"], 1, options);
+        for name in ["qpos", "qvel"] {
+            let expected = golden.rows(&golden.array(&format!("next/{name}")));
+            for (state, (got, expected)) in ours[name].iter().zip(&expected).enumerate() {
+                let place = || format!("{} state {state} next {name}", golden.name);
+                failures.check(place, agree(got, expected, tolerances.step, 1.0));
+            }
+        }
+    }
+    failures.report();
+}
+
+/// One test per group of results, for a precision and a backend.
+macro_rules! groups {
+    ($mode:ident, $precision:ident, $backend:ident, $tolerances:ident: $($group:ident)*) => {
+        mod $mode {
+            use super::*;
+            $(#[test]
+            fn $group() {
+                super::$group(&options(Precision::$precision, Backend::$backend), &$tolerances);
+            })*
+        }
+    };
+}
+
+groups!(f64_wide, F64, Wide, F64: kinematics dynamics contacts rows solution step);
+groups!(f64_scalar, F64, Scalar, F64: kinematics dynamics contacts rows solution step);
+groups!(f32_wide, F32, Wide, F32: kinematics dynamics contacts rows solution step);
+groups!(f32_scalar, F32, Scalar, F32: kinematics dynamics contacts rows solution step);
+
+fn numbers(data: &ArrayData) -> Vec<f64> {
+    match data {
+        ArrayData::F64(x) => x.clone(),
+        ArrayData::I32(x) => x.iter().map(|x| f64::from(*x)).collect(),
+    }
+}
+
+#[test]
+fn model_arrays() {
+    // Inverse weights are entries of inverses of inertia matrices.
+    let tolerance = |name: &str| if name.contains("invweight") || name.ends_with("acc0") { 1e-9 } else { 1e-12 };
+    let mut failures = Failures::default();
+    for golden in Golden::all() {
+        let sizes: BTreeMap<_, _> = golden.model.sizes().iter().copied().collect();
+        for (name, expected) in &golden.arrays {
+            let expected = expected.to_f64();
+            if let Some(name) = name.strip_prefix("size/") {
+                let result = match sizes.get(name) {
+                    Some(n) if *n as f64 == expected[0] => Ok(()),
+                    other => Err(format!("is {other:?} instead of {}", expected[0])),
+                };
+                failures.check(|| format!("{} {name} ", golden.name), result);
+            } else if let Some(name) = name.strip_prefix("model/") {
+                let result = match golden.model.array(name) {
+                    Some(array) => agree(&numbers(&array.data), &expected, tolerance(name), 1.0),
+                    None => Err(" is missing".into()),
+                };
+                failures.check(|| format!("{} {name}", golden.name), result);
+            }
+        }
+    }
+    failures.report();
+}
+
+#[test]
+fn what_is_not_built_yet_says_so() {
+    for (name, message) in NOT_BUILT {
+        let golden = Golden::read(name);
+        let Err(error) = eval(&golden.model, &golden.inputs(), &["qacc"], 0, &Options::default()) else {
+            panic!("{name} is built now: take it off the list");
+        };
+        assert!(error.to_string().contains(message), "{name}: {error}\nexpected: {message}");
+    }
+}
+
+#[test]
+fn every_golden_has_a_model() {
+    let files: Vec<String> = all_models().iter().map(|name| name.split('/').nth(1).unwrap_or("").to_string()).collect();
+    for entry in std::fs::read_dir(repository("tests/goldens")).expect("the goldens") {
+        let path = entry.expect("a golden").path();
+        if path.extension().is_some_and(|e| e == "npz") {
+            let stem = path.file_stem().expect("a file name").to_string_lossy().into_owned();
+            assert!(files.contains(&stem), "there is no model for {}", path.display());
+        }
+    }
+}
+
+/// What the goldens must exercise: a model, and the least number of contacts and rows that some state of it has.
+#[test]
+fn goldens_hold_what_models_are_for() {
+    const LEAST: [(&str, usize, usize); 34] = [
+        ("zoo/ant", 1, 4),
+        ("zoo/hopper", 1, 4),
+        ("zoo/cheetah", 1, 4),
+        ("zoo/humanoid18", 6, 24),
+        ("zoo/humanoid27", 4, 16),
+        ("unit/ball_limit", 0, 1),
+        ("unit/capsule_capsule", 1, 1),
+        ("unit/capsule_parallel", 2, 2),
+        ("unit/condim1", 1, 1),
+        ("unit/condim_elliptic", 4, 4),
+        ("unit/condim_pyramidal", 4, 12),
+        ("unit/contact_override", 1, 1),
+        ("unit/contact_self", 1, 1),
+        ("unit/contact_trees", 1, 1),
+        ("unit/exclude", 1, 1),
+        ("unit/filterparent", 1, 1),
+        ("unit/frictionloss", 0, 1),
+        ("unit/impratio", 1, 4),
+        ("unit/limits", 0, 1),
+        ("unit/margin_gap", 1, 1),
+        ("unit/pair", 1, 1),
+        ("unit/plane_box", 3, 3),
+        ("unit/plane_capsule", 2, 2),
+        ("unit/plane_cylinder", 3, 3),
+        ("unit/plane_ellipsoid", 1, 1),
+        ("unit/plane_sphere", 1, 1),
+        ("unit/plane_tilted", 1, 1),
+        ("unit/priority", 1, 1),
+        ("unit/refsafe_off", 1, 1),
+        ("unit/replicate", 1, 1),
+        ("unit/sphere_capsule", 1, 1),
+        ("unit/sphere_sphere", 1, 1),
+        ("unit/tree_origins", 0, 0),
+        ("unit/warmstart_off", 1, 1),
+    ];
+    for (name, ncon, nefc) in LEAST {
+        let golden = Golden::read(name);
+        let most = |field: &str| support::largest(&golden.array(field)) as usize;
+        let found = (most("out/ncon"), most("out/nefc"));
+        assert!(found.0 >= ncon && found.1 >= nefc, "{name} has at most {found:?} contacts and rows");
+    }
+    for golden in Golden::all() {
+        assert!(golden.states() > 0, "{} has no state", golden.name);
+        assert!(golden.array("out/qacc").iter().all(|x| x.is_finite()), "{} is not finite", golden.name);
+    }
+}
