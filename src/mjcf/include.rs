@@ -86,7 +86,11 @@ impl Loader<'_> {
                 return Ok(None);
             }
         };
-        if !self.seen.insert(identity(&path)) {
+        let known = match self.files {
+            Files::Disk { .. } => identity(&path),
+            Files::Memory(_) => path.clone(),
+        };
+        if !self.seen.insert(known) {
             report.error(element, format!("file {} was already included", quoted(&name)), "include each file once");
             return Ok(None);
         }
