@@ -20,6 +20,9 @@ pub(super) enum Tag {
 }
 
 impl Tag {
+    /// How many there are.
+    pub const COUNT: usize = 6;
+
     /// The kind of a tag of the actuator section or of a default; `None` if it is not an actuator.
     pub fn of(tag: &str) -> Option<Tag> {
         Some(match tag {
@@ -123,8 +126,7 @@ impl RawActuator {
 
     fn read_common(&mut self, reader: &mut Reader) {
         let a = &mut self.common;
-        let given = |name: &str| reader.element.get(name).is_some_and(|text| !text.trim().is_empty());
-        let (range, inherit) = (given("ctrlrange"), given("inheritrange"));
+        let (range, inherit) = (reader.has_value("ctrlrange"), reader.has_value("inheritrange"));
         if range && inherit {
             reader.report.error(reader.element, "both ctrlrange and inheritrange are given", "keep one");
         } else if inherit {
@@ -139,8 +141,7 @@ impl RawActuator {
         reader.real("armature", &mut a.armature);
         reader.integer("group", &mut a.group);
         reader.real("delay", &mut self.delay);
-        let _ = reader.all("lengthrange");
-        let _ = reader.all("user");
+        reader.ignored("lengthrange", 2, false);
     }
 
     fn read_general(&mut self, reader: &mut Reader) {
@@ -149,7 +150,8 @@ impl RawActuator {
         reader.keyword("biastype", BIASES, &mut self.bias);
         reader.leading("gainprm", &mut self.gainprm);
         reader.leading("biasprm", &mut self.biasprm);
-        reader.leading("dynprm", &mut [0.0; 10]);
+        reader.ignored("dynprm", 10, true);
+        reader.ignored("actrange", 2, false);
         self.read_inheritrange(reader);
         if ["input", "ffrange", "velrange"].iter().any(|name| reader.has(name)) {
             self.newer = true;
@@ -158,7 +160,7 @@ impl RawActuator {
 
     /// A control range at a place overrides an inherited `inheritrange`.
     fn read_inheritrange(&mut self, reader: &mut Reader) {
-        if reader.has("ctrlrange") {
+        if reader.has_value("ctrlrange") {
             self.inheritrange = 0.0;
         }
         reader.real("inheritrange", &mut self.inheritrange);
@@ -267,7 +269,7 @@ impl RawActuator {
             }
         };
         for name in ["refsite", "slidersite", "cranklength"] {
-            if reader.has(name) {
+            if reader.has_value(name) {
                 reader.report.error(reader.element, format!("attribute \"{name}\" does not go with a joint"), "");
             }
         }

@@ -138,7 +138,6 @@ impl Builder<'_> {
         };
         reader.boolean("mocap", &mut body.mocap);
         reader.real("gravcomp", &mut body.gravcomp);
-        let _ = reader.all("user");
         self.bodies.push(body);
         let inner = Scope { body: self.bodies.len() - 1, frame: Pose::IDENTITY, class, replicated: false };
         visit_children(self.tree, index, inner, tasks);

@@ -60,6 +60,7 @@ impl Placement {
         if reader.list("fromto", &mut fromto) {
             self.fromto = Some(fromto);
         }
+        reader.ignored("rgba", 4, false);
         if let Some(mesh) = reader.element.get("mesh") {
             self.mesh = mesh.to_string();
         }
@@ -170,6 +171,7 @@ impl RawGeom {
         reader.real("margin", &mut geom.margin);
         reader.real("gap", &mut geom.gap);
         reader.keyword("fluidshape", FLUID, &mut self.fluid);
+        reader.ignored("fluidcoef", 5, true);
         reader.leading("surfacevel", &mut self.surfacevel);
         reader.real("adhesion", &mut self.adhesion);
     }

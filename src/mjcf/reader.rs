@@ -39,6 +39,11 @@ impl<'a> Reader<'a> {
         self.element.get(name).is_some()
     }
 
+    /// Whether an attribute is written and not blank.
+    pub fn has_value(&self, name: &str) -> bool {
+        self.element.get(name).is_some_and(|text| !text.trim().is_empty())
+    }
+
     /// The text of an attribute, or nothing.
     pub fn text(&self, name: &str) -> String {
         self.element.get(name).unwrap_or_default().to_string()
@@ -117,7 +122,7 @@ impl<'a> Reader<'a> {
 
     /// Reports an attribute that is absent or blank; says whether it is there.
     pub fn required(&mut self, name: &str) -> bool {
-        let given = self.element.get(name).is_some_and(|text| !text.trim().is_empty());
+        let given = self.has_value(name);
         if !given {
             self.report.error(self.element, format!("attribute {} is missing", quoted(name)), "");
         }
@@ -149,9 +154,20 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reports an attribute that the physics would need but is not supported, unless it has its neutral value.
+    /// Checks the form of an attribute that has no effect: `most` numbers, or fewer if it may be short.
+    pub fn ignored(&mut self, name: &str, most: usize, short: bool) {
+        let mut target = vec![0.0; most];
+        if short {
+            self.leading(name, &mut target)
+        } else {
+            self.list(name, &mut target)
+        };
+    }
+
+    /// Reports an attribute that the physics would need but is not supported, unless it is zero.
     pub fn neutral(&mut self, name: &str, what: &str) {
-        if self.all(name).is_some_and(|list| list.iter().any(|&x| x != 0.0)) {
+        let mut value = 0.0;
+        if self.real(name, &mut value) && value != 0.0 {
             self.report.unsupported(self.element, what);
         }
     }

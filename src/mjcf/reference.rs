@@ -23,8 +23,7 @@ impl Refers for Pair {
 
 impl Refers for Exclude {
     fn targets(&mut self) -> Vec<&mut String> {
-        // The world belongs to every replica, and is the same in all of them.
-        [&mut self.body1, &mut self.body2].into_iter().filter(|name| *name != "world").collect()
+        vec![&mut self.body1, &mut self.body2]
     }
     fn name(&mut self) -> &mut String {
         &mut self.name
@@ -72,26 +71,22 @@ impl<T: Refers> References<T> {
         self.items.push(Some(item));
     }
 
-    /// The elements that refer to nothing but what is replicated, by index.
-    pub fn within(&mut self, replicated: &HashSet<&str>) -> Vec<usize> {
+    /// The elements that refer to something that is replicated, by index.
+    pub fn to(&self, replicated: &HashSet<&str>) -> Vec<usize> {
         let found = replicated.iter().filter_map(|name| self.by_target.get(*name)).flatten();
-        let mut indices: Vec<usize> = found.copied().collect();
+        let mut indices: Vec<usize> = found.copied().filter(|&index| self.items[index].is_some()).collect();
         indices.sort_unstable();
         indices.dedup();
-        indices.retain(|&index| {
-            let Some(item) = &mut self.items[index] else { return false };
-            item.targets().iter().all(|target| replicated.contains(target.as_str()))
-        });
         indices
     }
 
-    /// Moves elements to the end, once for each suffix, with all names suffixed.
-    pub fn replicate(&mut self, indices: &[usize], suffixes: &[String]) {
+    /// Moves elements to the end, once for each suffix. What they refer to outside of the replica stays the same.
+    pub fn replicate(&mut self, indices: &[usize], replicated: &HashSet<&str>, suffixes: &[String]) {
         let originals: Vec<T> = indices.iter().filter_map(|&index| self.items[index].take()).collect();
         for suffix in suffixes {
             for original in &originals {
                 let mut copy = original.clone();
-                for target in copy.targets() {
+                for target in copy.targets().into_iter().filter(|target| replicated.contains(target.as_str())) {
                     target.push_str(suffix);
                 }
                 if !copy.name().is_empty() {
