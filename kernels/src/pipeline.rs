@@ -109,8 +109,9 @@ pub fn forward<L: LaneQuery>(
     end(Stage::Constraint);
     passive::passive(model, &ws.position, &state.qpos, &state.qvel, &mut ws.passive);
     end(Stage::Passive);
+    // Lengths are there to be read even where actuation is off.
+    actuation::transmission(model, &state.qpos, &mut ws.actuation);
     if model.features.actuation {
-        actuation::transmission(model, &state.qpos, &mut ws.actuation);
         let bad = actuation::actuation(model, &state.ctrl, &state.qvel, &ws.passive, &mut ws.actuation);
         status.record(Status::BAD_CTRL, L::bits(bad & alive));
     }
