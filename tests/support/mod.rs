@@ -1,6 +1,8 @@
 //! What the test crates share: models of the repository, random numbers, comparison of fields.
 #![allow(dead_code)] // every test crate uses its own part
 
+pub mod golden;
+
 use std::path::{Path, PathBuf};
 
 use lanesim::mjcf::LoadOptions;
@@ -93,16 +95,16 @@ pub fn worst(got: &[f64], expected: &[f64]) -> (usize, f64) {
     found
 }
 
-/// Whether two vectors agree to `tolerance` times the larger of the expected vector's largest entry and `floor`; if not,
-/// the message says where they differ most.
-pub fn agree(got: &[f64], expected: &[f64], tolerance: f64, floor: f64) -> Result<(), String> {
+/// Whether two vectors agree to `tolerance` times the larger of the expected vector's largest entry and `floor`: the error
+/// in that unit, or a message that says where they differ most.
+pub fn agree(got: &[f64], expected: &[f64], tolerance: f64, floor: f64) -> Result<f64, String> {
     if got.len() != expected.len() {
         return Err(format!("{} numbers instead of {}", got.len(), expected.len()));
     }
     let size = largest(expected).max(floor);
     let (i, error) = worst(got, expected);
     if error <= tolerance * size {
-        return Ok(());
+        return Ok(if size > 0.0 { error / size } else { 0.0 });
     }
     Err(format!("[{i}] is {} instead of {}: {:.1e} of the field's size {size:.3}", got[i], expected[i], error / size))
 }
