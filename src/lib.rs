@@ -1,8 +1,23 @@
 //! A data-oriented SIMD batch simulator for articulated bodies with contact.
 
+mod batch;
+mod block;
+pub mod compile;
 pub mod diagnostics;
+pub mod error;
+pub mod model;
+pub mod noise;
 pub mod npz;
+pub mod outputs;
+pub mod pool;
+pub mod rollout;
 pub mod spec;
+pub mod worlds;
 
+pub use compile::compile;
 pub use diagnostics::{Diagnostic, Diagnostics};
+pub use error::Error;
+pub use model::Model;
+pub use rollout::{Controls, Rollout, Trajectories};
 pub use spec::Spec;
+pub use worlds::{Backend, Field, Options, Precision, Worlds};

@@ -64,6 +64,12 @@ impl Spec {
             ..Spec::default()
         }
     }
+
+    /// Adds a body to the body of index `parent` and returns its own index. The parent named in `body` does not count.
+    pub fn add_body(&mut self, parent: usize, body: Body) -> usize {
+        self.bodies.push(Body { parent, ..body });
+        self.bodies.len() - 1
+    }
 }
 
 /// Which bodies take mass and inertia from their geoms (MJCF `compiler/inertiafromgeom`).
@@ -247,6 +253,8 @@ pub struct Joint {
     pub actuatorfrclimited: Tri,
     /// Whether gravity compensation counts as an actuator force.
     pub actuatorgravcomp: bool,
+    /// Free joints: whether the body's frame moves to its inertia; `Auto`: as [`Compiler::alignfree`] says.
+    pub align: Tri,
     /// Group, for display.
     pub group: i32,
     /// Where it was written.
@@ -282,6 +290,7 @@ impl Default for Joint {
             actuatorfrcrange: None,
             actuatorfrclimited: Tri::Auto,
             actuatorgravcomp: false,
+            align: Tri::Auto,
             group: 0,
             source: Source::default(),
         }

@@ -1,5 +1,24 @@
 //! The physics of lanesim: every stage of a step, written once over a [`lane`] type.
+//!
+//! The tree is the pipeline: `position`, `inertia`, `collision`, `constraint`, `velocity`, `passive`, `actuation`,
+//! `acceleration`, `solver`, `integration`. A stage reads earlier stages' structs and never calls their functions.
 
+pub mod acceleration;
+pub mod actuation;
+pub mod collision;
+pub mod constraint;
+pub mod energy;
+pub mod fields;
+pub mod inertia;
+pub mod integration;
 pub mod lane;
+pub mod math;
 pub mod model;
 pub mod options;
+pub mod passive;
+pub mod pipeline;
+pub mod position;
+pub mod solver;
+pub mod state;
+pub mod velocity;
+pub mod workspace;

@@ -106,6 +106,8 @@ pub struct Sizes {
     pub ntree: usize,
     /// Candidate pairs of geoms.
     pub npair: usize,
+    /// Geoms that take part in some pair.
+    pub ncollider: usize,
     /// Contact slots: the sum of the pairs' largest numbers of contacts.
     pub nslot: usize,
     /// Entries of the inertia matrix's storage (see [`Rows`]).
@@ -289,8 +291,14 @@ table! {
 }
 
 table! {
-    /// Constraint impedance and reference, from `solref` and `solimp` (`a_ref = -b v - k d(r) r`).
+    /// Constraint impedance and reference, from `solref` and `solimp`: `a_ref = -b v - k d(r) r`, with impedance d
+    /// rising from `dmin` to `dmax` over `width`: with x = |r|/width, d = dmin + y (dmax - dmin), y = `low` xᵖ up to
+    /// `midpoint` and 1 - `high` (1 - x)ᵖ above.
     pub struct Impedance {
+        /// Whether the impedance is the constant (dmin + dmax)/2: equal ends or no width.
+        pub flat: bool,
+        /// Power p if it is 1 or 2; 0: any other.
+        pub small_power: u8,
         real:
         /// Stiffness k before the impedance factor.
         pub k: T,
@@ -300,12 +308,16 @@ table! {
         pub dmin: T,
         /// Impedance at `width`.
         pub dmax: T,
-        /// Violation over which impedance changes.
-        pub width: T,
+        /// 1 / width; 0 if flat.
+        pub inverse_width: T,
         /// Point of inflection, as a fraction of `width`.
         pub midpoint: T,
         /// Power of the two arcs.
         pub power: T,
+        /// midpoint^(1 - p)
+        pub low: T,
+        /// (1 - midpoint)^(1 - p)
+        pub high: T,
     } T
 }
 
@@ -392,6 +404,17 @@ table! {
         pub r: T,
         /// Damping of the reference acceleration.
         pub b: T,
+    } T
+}
+
+table! {
+    /// An MJCF body, as a place where forces from outside act.
+    pub struct Body {
+        /// Link that carries it, or [`NONE`].
+        pub link: u32,
+        real:
+        /// Centre of mass in the link's frame.
+        pub com: [T; 3],
     } T
 }
 
@@ -511,6 +534,8 @@ pub struct Model<T> {
     pub options: Options,
     /// Features.
     pub features: Features,
+    /// Bodies.
+    pub bodies: Vec<Body<T>>,
     /// Links, parents first.
     pub links: Vec<Link<T>>,
     /// Joints, in MJCF order.
@@ -541,6 +566,8 @@ pub struct Model<T> {
     pub qpos0: Vec<T>,
     /// Gravity; zero when its flag is off.
     pub gravity: [T; 3],
+    /// Potential energy of the bodies that stand still.
+    pub potential_still: T,
 }
 
 impl<U: Real> Cast<U> for Model<f64> {
@@ -550,6 +577,7 @@ impl<U: Real> Cast<U> for Model<f64> {
             sizes: self.sizes.clone(),
             options: self.options.clone(),
             features: self.features.clone(),
+            bodies: self.bodies.cast(),
             links: self.links.cast(),
             joints: self.joints.cast(),
             dofs: self.dofs.cast(),
@@ -565,6 +593,7 @@ impl<U: Real> Cast<U> for Model<f64> {
             mean_inertia: self.mean_inertia.cast(),
             qpos0: self.qpos0.cast(),
             gravity: self.gravity.cast(),
+            potential_still: self.potential_still.cast(),
         }
     }
 }

@@ -29,6 +29,8 @@ pub trait Real: Copy + Debug + Default + PartialOrd + Send + Sync + 'static {
     const NAME: &'static str;
     /// Difference between 1 and the next number.
     const EPSILON: f64;
+    /// Largest finite number.
+    const MAX: f64;
 
     /// Rounds.
     fn from_f64(x: f64) -> Self;
@@ -44,6 +46,7 @@ impl Real for f64 {
     const MINMU: f64 = 1e-5;
     const NAME: &'static str = "f64";
     const EPSILON: f64 = f64::EPSILON;
+    const MAX: f64 = f64::MAX;
 
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
@@ -64,6 +67,7 @@ impl Real for f32 {
     const MINMU: f64 = 1e-4;
     const NAME: &'static str = "f32";
     const EPSILON: f64 = f32::EPSILON as f64;
+    const MAX: f64 = f32::MAX as f64;
 
     #[inline(always)]
     fn from_f64(x: f64) -> Self {

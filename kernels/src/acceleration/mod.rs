@@ -1,0 +1,87 @@
+//! Smooth acceleration: what the worlds would do without constraints, a₀ = M⁻¹(passive + actuator + applied - bias).
+
+use crate::actuation::Actuation;
+use crate::fields::fields;
+use crate::inertia::Inertia;
+use crate::lane::Lane;
+use crate::math::ldl;
+use crate::math::spatial::{dot6, join};
+use crate::math::vec3::{add, cross, mul_add, splat};
+use crate::model::{Model, NONE};
+use crate::passive::Passive;
+use crate::position::Position;
+use crate::state::Applied;
+use crate::velocity::Velocity;
+
+fields! {
+    /// The smooth force, the factor of M and the smooth acceleration.
+    pub struct Acceleration(sizes) {
+        /// Sum of all forces but the constraints'.
+        pub qfrc_smooth: Vec<L> = sizes.nv,
+        /// Factor L of M = Lᵀ D L, with D on the diagonal.
+        pub factor: Vec<L> = sizes.nm,
+        /// D⁻¹.
+        pub inverse: Vec<L> = sizes.nv,
+        /// Acceleration without constraints.
+        pub qacc_smooth: Vec<L> = sizes.nv,
+    } L
+}
+
+/// Sum of the forces. `applied` are forces from outside, if there are any.
+pub fn smooth_force<L: Lane>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    velocity: &Velocity<L>,
+    passive: &Passive<L>,
+    actuation: &Actuation<L>,
+    applied: Option<&Applied<L>>,
+    acceleration: &mut Acceleration<L>,
+) {
+    let force = &mut acceleration.qfrc_smooth;
+    for i in 0..force.len() {
+        force[i] = passive.qfrc_passive[i] - velocity.qfrc_bias[i];
+    }
+    if model.features.actuation {
+        for (f, a) in force.iter_mut().zip(&actuation.qfrc_actuator) {
+            *f += *a;
+        }
+    }
+    if let Some(applied) = applied {
+        for (f, a) in force.iter_mut().zip(&applied.qfrc_applied) {
+            *f += *a;
+        }
+        body_forces(model, position, &applied.xfrc_applied, force);
+    }
+}
+
+/// Adds the generalised forces of forces and torques at the bodies' centres of mass.
+fn body_forces<L: Lane>(model: &Model<L::Real>, position: &Position<L>, xfrc: &[[L; 6]], force: &mut [L]) {
+    for (body, x) in model.bodies.iter().zip(xfrc) {
+        if body.link == NONE {
+            continue;
+        }
+        let l = body.link as usize;
+        let at = mul_add(&position.rot[l], &splat(&body.com), &position.pos[l]);
+        let (push, torque) = ([x[0], x[1], x[2]], [x[3], x[4], x[5]]);
+        let wrench = join(&add(&torque, &cross(&at, &push)), &push);
+        let mut i = model.links[l].dofs.range().end as u32 - 1;
+        while i != NONE {
+            force[i as usize] += dot6(&position.cdof[i as usize], &wrench);
+            i = model.dofs[i as usize].parent;
+        }
+    }
+}
+
+/// Factors M and solves for the smooth acceleration. Returns the lanes in which M was singular.
+pub fn smooth_acceleration<L: Lane>(
+    model: &Model<L::Real>,
+    inertia: &Inertia<L>,
+    acceleration: &mut Acceleration<L>,
+) -> L::Mask {
+    let Acceleration { qfrc_smooth, factor, inverse, qacc_smooth } = acceleration;
+    factor.copy_from_slice(&inertia.m);
+    let singular = ldl::factor(&model.rows, &model.tree_pattern, factor, inverse);
+    qacc_smooth.copy_from_slice(qfrc_smooth);
+    ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, qacc_smooth);
+    singular
+}

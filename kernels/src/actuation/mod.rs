@@ -1,0 +1,124 @@
+//! Actuators: length, velocity and force, and the generalised forces that they make.
+
+use crate::fields::fields;
+use crate::lane::{Lane, Mask, Real};
+use crate::math::quat;
+use crate::math::vec3::{dot, mul, mul_t, splat};
+use crate::model::{Actuator, JointKind, Model, Transmission};
+use crate::passive::Passive;
+
+fields! {
+    /// Actuators.
+    pub struct Actuation(sizes) {
+        /// Length: gear times the joint's position.
+        pub length: Vec<L> = sizes.nu,
+        /// Velocity.
+        pub velocity: Vec<L> = sizes.nu,
+        /// Force.
+        pub force: Vec<L> = sizes.nu,
+        /// Moment: generalised force per unit of force on the joint's dofs.
+        pub moment: Vec<[L; 6]> = sizes.nu,
+        /// Sum of the actuators' generalised forces.
+        pub qfrc_actuator: Vec<L> = sizes.nv,
+    } L
+}
+
+/// Lengths and moments, which depend on positions alone.
+pub fn transmission<L: Lane>(model: &Model<L::Real>, qpos: &[L], actuation: &mut Actuation<L>) {
+    for (a, actuator) in model.actuators.iter().enumerate() {
+        let (length, moment) = length_and_moment(actuator, &qpos[actuator.qpos as usize..]);
+        actuation.length[a] = length;
+        actuation.moment[a] = moment;
+    }
+}
+
+#[inline(always)]
+fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, q: &[L]) -> (L, [L; 6]) {
+    let gear: [L; 6] = splat(&actuator.gear);
+    let (z, turn) = (L::zero(), [gear[0], gear[1], gear[2]]);
+    let spin = [gear[3], gear[4], gear[5]];
+    let unit = |at: usize| quat::unit(&[q[at], q[at + 1], q[at + 2], q[at + 3]]);
+    match actuator.transmission {
+        Transmission::Scalar => (gear[0] * q[0], [gear[0], z, z, z, z, z]),
+        Transmission::Ball => (dot(&turn, &quat::log(&unit(0))), [turn[0], turn[1], turn[2], z, z, z]),
+        Transmission::BallInParent => {
+            let q = unit(0);
+            let turn = mul_t(&quat::to_matrix(&q), &turn);
+            (dot(&turn, &quat::log(&q)), [turn[0], turn[1], turn[2], z, z, z])
+        }
+        Transmission::Free => (z, gear),
+        Transmission::FreeInParent => {
+            let spin = mul(&quat::to_matrix(&quat::conjugate(&unit(3))), &spin);
+            (z, [gear[0], gear[1], gear[2], spin[0], spin[1], spin[2]])
+        }
+    }
+}
+
+/// Velocities, forces and generalised forces. Returns the lanes in which a control was not a usable number: all controls
+/// of such a world count as 0.
+pub fn actuation<L: Lane>(
+    model: &Model<L::Real>,
+    ctrl: &[L],
+    qvel: &[L],
+    passive: &Passive<L>,
+    actuation: &mut Actuation<L>,
+) -> L::Mask {
+    let mut good = L::Mask::splat(true);
+    for u in ctrl {
+        good = good & u.within(L::Real::MAXVAL);
+    }
+    actuation.qfrc_actuator.fill(L::zero());
+    for (a, actuator) in model.actuators.iter().enumerate() {
+        let dof = actuator.dof as usize;
+        let width = match model.joints[actuator.joint as usize].kind {
+            JointKind::Free => 6,
+            JointKind::Ball => 3,
+            JointKind::Slide | JointKind::Hinge => 1,
+        };
+        let moment = actuation.moment[a];
+        let mut velocity = moment[0] * qvel[dof];
+        for k in 1..width {
+            velocity = moment[k].mul_add(qvel[dof + k], velocity);
+        }
+        actuation.velocity[a] = velocity;
+        let u = L::select(good, ctrl[a], L::zero());
+        let force = force(model, actuator, u, actuation.length[a], velocity);
+        actuation.force[a] = force;
+        for k in 0..width {
+            let out = &mut actuation.qfrc_actuator[dof + k];
+            *out = moment[k].mul_add(force, *out);
+        }
+    }
+    route_to_joints(model, passive, &mut actuation.qfrc_actuator);
+    !good
+}
+
+#[inline(always)]
+fn force<L: Lane>(model: &Model<L::Real>, actuator: &Actuator<L::Real>, u: L, length: L, velocity: L) -> L {
+    if actuator.disabled {
+        return L::zero();
+    }
+    let clamp = |x: L, range: &[L::Real; 2]| x.clamp(L::splat(range[0]), L::splat(range[1]));
+    let affine = |p: &[L::Real; 3]| L::splat(p[2]).mul_add(velocity, L::splat(p[1]).mul_add(length, L::splat(p[0])));
+    let limited = actuator.ctrl_limited && model.options.flags.clampctrl;
+    let u = if limited { clamp(u, &actuator.ctrl_range) } else { u };
+    let gain = if actuator.gain_affine { affine(&actuator.gain) } else { L::splat(actuator.gain[0]) };
+    let force = if actuator.bias_affine { gain.mul_add(u, affine(&actuator.bias)) } else { gain * u };
+    if actuator.force_limited { clamp(force, &actuator.force_range) } else { force }
+}
+
+/// Gravity compensation through actuators, then the bounds on the total force of joints.
+fn route_to_joints<L: Lane>(model: &Model<L::Real>, passive: &Passive<L>, force: &mut [L]) {
+    if model.features.gravcomp {
+        for (i, dof) in model.dofs.iter().enumerate() {
+            if model.joints[dof.joint as usize].actuator_gravcomp {
+                force[i] += passive.qfrc_gravcomp[i];
+            }
+        }
+    }
+    for joint in model.joints.iter().filter(|joint| joint.force_limited) {
+        let range: [L; 2] = splat(&joint.force_range);
+        let out = &mut force[joint.dof as usize];
+        *out = out.clamp(range[0], range[1]);
+    }
+}

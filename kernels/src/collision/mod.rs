@@ -1,0 +1,262 @@
+//! Collision: bounding tests for every candidate pair, then the narrow phase of pairs that are near in some world of the
+//! block, into a compact list of contacts.
+//!
+//! A block's list is the union of its worlds' contacts; a world without a given contact has it at distance `MAXVAL`.
+
+mod capsule;
+mod frame;
+mod plane;
+mod sphere;
+
+pub use frame::contact_frame;
+
+use crate::fields::fields;
+use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::math::vec3::{Mat3, Vec3, add, column, dot, mul_add, mul_mat, splat, sub, zero};
+use crate::model::{Geom, Model, NONE, Pair, Shape};
+use crate::position::Position;
+
+fields! {
+    /// Poses of the geoms that take part in pairs.
+    pub struct Colliders(sizes) {
+        /// Centre relative to the origin of the link's tree, m, world axes; in the world for geoms that stand still.
+        pub pos: Vec<[L; 3]> = sizes.ncollider,
+        /// Orientation: geom to world.
+        pub rot: Vec<[L; 9]> = sizes.ncollider,
+    } L
+}
+
+/// Where a contact of the block's list comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// Pair.
+    pub pair: u32,
+    /// Number of the contact within the pair.
+    pub point: u32,
+}
+
+/// A contact of each world of the block.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact<L> {
+    /// Distance, negative when penetrating; `MAXVAL` in worlds without this contact.
+    pub dist: L,
+    /// Point midway between the surfaces, relative to the pair's reference point (see [`reference`]), world axes.
+    pub pos: Vec3<L>,
+    /// Rows: normal from the first geom to the second, two tangents.
+    pub frame: Mat3<L>,
+}
+
+/// Contacts of a block.
+#[derive(Clone, Debug)]
+pub struct Collision<L> {
+    /// Geom poses.
+    pub colliders: Colliders<L>,
+    /// Origin of each contact, in the order of pairs and points.
+    pub slots: Vec<Slot>,
+    /// The contacts.
+    pub contacts: Vec<Contact<L>>,
+}
+
+/// One candidate of the narrow phase: distance, position and normal, and a hint for the first tangent.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate<L> {
+    dist: L,
+    pos: Vec3<L>,
+    normal: Vec3<L>,
+    tangent: Vec3<L>,
+}
+
+/// A geom as the narrow phase sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Body<L> {
+    pos: Vec3<L>,
+    rot: Mat3<L>,
+    size: Vec3<L>,
+}
+
+impl<L: Lane> Body<L> {
+    /// Local z axis in the world.
+    fn axis(&self) -> Vec3<L> {
+        column(&self.rot, 2)
+    }
+}
+
+impl<L: LaneQuery> Collision<L> {
+    /// Room for every slot of the model.
+    pub fn new(model: &Model<L::Real>) -> Self {
+        Collision {
+            colliders: Colliders::new(&model.sizes),
+            slots: Vec::with_capacity(model.sizes.nslot),
+            contacts: Vec::with_capacity(model.sizes.nslot),
+        }
+    }
+}
+
+/// The tree at whose origin a pair's contacts are placed, that of the second link or else of the first, as a link.
+pub fn reference<T>(pair: &Pair<T>) -> u32 {
+    if pair.link2 != NONE { pair.link2 } else { pair.link1 }
+}
+
+/// Origin of the tree of a link; zero for [`NONE`].
+#[inline(always)]
+pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32) -> Vec3<L> {
+    if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
+}
+
+/// Poses of the colliders.
+pub fn place<L: Lane>(model: &Model<L::Real>, position: &Position<L>, colliders: &mut Colliders<L>) {
+    for (g, geom) in model.geoms.iter().enumerate() {
+        if geom.link == NONE {
+            colliders.pos[g] = splat(&geom.pos);
+            colliders.rot[g] = splat(&geom.rot);
+            continue;
+        }
+        let l = geom.link as usize;
+        let rot = &position.rot[l];
+        colliders.pos[g] = mul_add(rot, &splat(&geom.pos), &position.pos[l]);
+        colliders.rot[g] = if geom.aligned { *rot } else { mul_mat(rot, &splat(&geom.rot)) };
+    }
+}
+
+/// Finds the contacts of the worlds in `alive`. Returns the lanes in which some world had more than `capacity` contacts;
+/// those beyond it, in the order of pairs, are left out.
+pub fn collide<L: LaneQuery>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    alive: L::Mask,
+    capacity: usize,
+    collision: &mut Collision<L>,
+) -> L::Mask {
+    let Collision { colliders, slots, contacts } = collision;
+    slots.clear();
+    contacts.clear();
+    place(model, position, colliders);
+    let may_overflow = model.sizes.nslot > capacity;
+    let mut count = L::zero();
+    let mut overflow = L::Mask::splat(false);
+    for (p, pair) in model.pairs.iter().enumerate() {
+        let (first, second) = bodies(model, position, colliders, pair);
+        let near = near(model, pair, &first, &second) & alive;
+        if !L::any(near) {
+            continue;
+        }
+        let include = L::splat(pair.include);
+        narrow::<L>(shapes(model, pair), &first, &second, include, near, &mut |point, candidate, mask| {
+            let mut exists = mask & candidate.dist.le(include);
+            if may_overflow {
+                count += L::select(exists, L::one(), L::zero());
+                let beyond = exists & count.gt(L::of(capacity as f64));
+                overflow = overflow | beyond;
+                exists = exists & !beyond;
+            }
+            if L::any(exists) {
+                slots.push(Slot { pair: p as u32, point });
+                contacts.push(Contact {
+                    dist: L::select(exists, candidate.dist, L::of(L::Real::MAXVAL)),
+                    pos: candidate.pos,
+                    frame: contact_frame(&candidate.normal, &candidate.tangent),
+                });
+            }
+        });
+    }
+    overflow
+}
+
+fn shapes<T>(model: &Model<T>, pair: &Pair<T>) -> (Shape, Shape) {
+    (model.geoms[pair.geom1 as usize].shape, model.geoms[pair.geom2 as usize].shape)
+}
+
+/// The geoms of a pair, relative to the pair's reference point.
+#[inline(always)]
+fn bodies<L: Lane>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    colliders: &Colliders<L>,
+    pair: &Pair<L::Real>,
+) -> (Body<L>, Body<L>) {
+    let reference = reference(pair);
+    let tree = |link: u32| if link == NONE { NONE } else { model.links[link as usize].tree };
+    let body = |g: u32, link: u32| {
+        let geom: &Geom<L::Real> = &model.geoms[g as usize];
+        let mut pos = colliders.pos[g as usize];
+        if tree(link) != tree(reference) {
+            let shift = sub(&origin(model, position, link), &origin(model, position, reference));
+            pos = add(&pos, &shift);
+        }
+        Body { pos, rot: colliders.rot[g as usize], size: splat(&geom.size) }
+    };
+    (body(pair.geom1, pair.link1), body(pair.geom2, pair.link2))
+}
+
+/// Whether the bounding spheres of a pair, or a plane and a bounding sphere, are within reach.
+#[inline(always)]
+fn near<L: Lane>(model: &Model<L::Real>, pair: &Pair<L::Real>, first: &Body<L>, second: &Body<L>) -> L::Mask {
+    let (geom1, geom2) = (&model.geoms[pair.geom1 as usize], &model.geoms[pair.geom2 as usize]);
+    let between = sub(&second.pos, &first.pos);
+    let reach = L::splat(pair.include) + L::splat(geom2.rbound);
+    if geom1.shape == Shape::Plane {
+        return dot(&first.axis(), &between).le(reach);
+    }
+    let reach = reach + L::splat(geom1.rbound);
+    dot(&between, &between).le(reach * reach)
+}
+
+/// Whether the narrow phase has a pair of shapes, the first sorting before the second.
+pub fn supported(first: Shape, second: Shape) -> bool {
+    use Shape::{Capsule, Cylinder, Plane, Sphere};
+    match first {
+        Plane => second != Plane,
+        Sphere => matches!(second, Sphere | Capsule | Cylinder | Shape::Box),
+        Capsule => second == Capsule,
+        _ => false,
+    }
+}
+
+/// Calls `emit` with number, geometry and mask of every contact that a pair of shapes may have.
+fn narrow<L: LaneQuery>(
+    shapes: (Shape, Shape),
+    a: &Body<L>,
+    b: &Body<L>,
+    include: L,
+    near: L::Mask,
+    emit: &mut dyn FnMut(u32, Candidate<L>, L::Mask),
+) {
+    use Shape::{Capsule, Cylinder, Ellipsoid, Plane, Sphere};
+    match shapes {
+        (Plane, Sphere) => emit(0, plane::sphere(a, b), near),
+        (Plane, Capsule) => {
+            for (i, candidate) in plane::capsule(a, b).into_iter().enumerate() {
+                emit(i as u32, candidate, near);
+            }
+        }
+        (Plane, Ellipsoid) => emit(0, plane::ellipsoid(a, b), near),
+        (Plane, Cylinder) => {
+            for (i, (candidate, mask)) in plane::cylinder(a, b, include).into_iter().enumerate() {
+                emit(i as u32, candidate, near & mask);
+            }
+        }
+        (Plane, Shape::Box) => {
+            for (i, (candidate, mask)) in plane::cuboid(a, b, include).into_iter().enumerate() {
+                emit(i as u32, candidate, near & mask);
+            }
+        }
+        (Sphere, Sphere) => emit(0, sphere::sphere(a, b), near),
+        (Sphere, Capsule) => emit(0, sphere::capsule(a, b), near),
+        (Sphere, Cylinder) => emit(0, sphere::cylinder(a, b), near),
+        (Sphere, Shape::Box) => emit(0, sphere::cuboid(a, b), near),
+        (Capsule, Capsule) => {
+            let (crossing, parallel) = capsule::crossing(a, b);
+            let mut candidates = [(crossing, !parallel), (crossing, L::Mask::splat(false))];
+            if L::any(parallel & near) {
+                for (slot, (candidate, mask)) in candidates.iter_mut().zip(capsule::parallel(a, b, include)) {
+                    slot.0 = capsule::select(parallel, &candidate, &slot.0);
+                    slot.1 = slot.1 | (parallel & mask);
+                }
+            }
+            for (i, (candidate, mask)) in candidates.into_iter().enumerate() {
+                emit(i as u32, candidate, near & mask);
+            }
+        }
+        _ => {}
+    }
+}

@@ -1,0 +1,119 @@
+//! Constraint rows: dry friction, joint limits and contacts, with regularisation and reference acceleration.
+//!
+//! A contact has `dim` components: normal velocity, two tangential, spin and two rolling. Its pyramid's rows are
+//! `normal ± μⱼ·componentⱼ`. Rows of limits and contacts that act in no world of the block are left out; a world in which
+//! a listed row does not act has D = 0 there.
+//!
+//! Contacts come in two kinds. One side stands still: the component's row is a spatial vector `w` at the tree's origin,
+//! its Jacobian is w·cdof for every dof that moves the link. Both sides move: the Jacobian is stored over the dofs that
+//! move one side and not the other.
+
+mod contacts;
+mod dof_rows;
+mod impedance;
+
+pub use contacts::contact_rows;
+pub use dof_rows::dof_rows;
+pub use impedance::impedance;
+
+use crate::lane::Lane;
+use crate::math::vec3::Vec3;
+use crate::model::Model;
+
+/// What a row on a joint stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DofRowKind {
+    /// Dry friction: force within ± bound.
+    Friction,
+    /// Lower limit: J = +1.
+    Lower,
+    /// Upper limit: J = -1.
+    Upper,
+    /// Limit of a ball joint: J = -axis on three dofs.
+    Ball,
+}
+
+/// A row that acts on the dofs of one joint.
+#[derive(Clone, Copy, Debug)]
+pub struct DofRow<L> {
+    /// Kind.
+    pub kind: DofRowKind,
+    /// Index into the model's friction losses or limits.
+    pub id: u32,
+    /// First dof.
+    pub dof: u32,
+    /// Rotation axis of a ball joint's limit; unused otherwise.
+    pub axis: Vec3<L>,
+    /// Violation r - margin (0 for friction).
+    pub pos: L,
+    /// D = 1/R; 0 in worlds where the row does not act.
+    pub d: L,
+    /// Minus the reference acceleration.
+    pub reference: L,
+    /// Largest force (friction).
+    pub bound: L,
+}
+
+/// A contact's place among the rows.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactRow<L> {
+    /// Index into the block's contacts.
+    pub contact: u32,
+    /// Pair.
+    pub pair: u32,
+    /// Number of components.
+    pub dim: u32,
+    /// First component in the flat arrays.
+    pub component: u32,
+    /// Link that moves, if the other side stands still, else [`NONE`](crate::model::NONE).
+    pub link: u32,
+    /// First entry of the stored Jacobian (both sides move): dof by dof, the components of each.
+    pub jacobian: u32,
+    /// D of every row of a pyramid; 0 in worlds where the contact does not act.
+    pub d: L,
+    /// Friction of components 1 to 5.
+    pub friction: [L; 5],
+}
+
+/// Constraint rows of a block.
+#[derive(Clone, Debug)]
+pub struct Constraint<L> {
+    /// Rows on joints.
+    pub dof_rows: Vec<DofRow<L>>,
+    /// Contacts that act in some world.
+    pub contact_rows: Vec<ContactRow<L>>,
+    /// Per component: minus the reference acceleration.
+    pub reference: Vec<L>,
+    /// Per component of contacts with one moving side: motion row at the tree's origin.
+    pub motion: Vec<[L; 6]>,
+    /// Jacobians of contacts with two moving sides.
+    pub jacobian: Vec<L>,
+    /// Whether some listed contact couples dofs that the inertia matrix does not.
+    pub cross: bool,
+}
+
+impl<L: Lane> Constraint<L> {
+    /// Room for every row that the model can have.
+    pub fn new(model: &Model<L::Real>) -> Self {
+        let mut components = 0;
+        let mut jacobian = 0;
+        for pair in &model.pairs {
+            let rows = (pair.slots.len * pair.condim) as usize;
+            components += rows;
+            jacobian += rows * pair.dofs.len as usize;
+        }
+        Constraint {
+            dof_rows: Vec::with_capacity(model.friction_losses.len() + 2 * model.limits.len()),
+            contact_rows: Vec::with_capacity(model.sizes.nslot),
+            reference: Vec::with_capacity(components),
+            motion: Vec::with_capacity(components),
+            jacobian: Vec::with_capacity(jacobian),
+            cross: false,
+        }
+    }
+
+    /// Whether no row acts in any world.
+    pub fn is_empty(&self) -> bool {
+        self.dof_rows.is_empty() && self.contact_rows.is_empty()
+    }
+}

@@ -1,0 +1,67 @@
+//! Potential and kinetic energy.
+
+use crate::fields::fields;
+use crate::inertia::Inertia;
+use crate::lane::Lane;
+use crate::math::ldl;
+use crate::math::vec3::{add, dot, norm, splat};
+use crate::model::{Joint, JointKind, Model};
+use crate::passive::{shift_from_rest, twist_from_rest};
+use crate::position::Position;
+
+fields! {
+    /// Energies, J.
+    pub struct Energy(sizes) {
+        /// Potential: of gravity, zero at the world's origin, and of springs.
+        pub potential: Vec<L> = 1,
+        /// Kinetic: ½ vᵀ M v.
+        pub kinetic: Vec<L> = 1,
+        /// M v.
+        pub momentum: Vec<L> = sizes.nv,
+    } L
+}
+
+/// Both energies.
+pub fn energy<L: Lane>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    inertia: &Inertia<L>,
+    qpos: &[L],
+    qvel: &[L],
+    energy: &mut Energy<L>,
+) {
+    // Bodies that stand still count as well: their potential is a constant.
+    let mut potential = L::splat(model.potential_still);
+    let g: [L; 3] = splat(&model.gravity);
+    for (l, link) in model.links.iter().enumerate() {
+        let com = add(&position.com[l], &position.origin[link.tree as usize]);
+        potential = L::splat(link.mass).neg_mul_add(dot(&g, &com), potential);
+    }
+    if model.features.springs {
+        for joint in model.joints.iter().filter(|joint| joint.spring) {
+            potential += spring_energy(joint, &qpos[joint.qpos as usize..]);
+        }
+    }
+    energy.potential[0] = potential;
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, qvel, &mut energy.momentum);
+    let mut twice = L::zero();
+    for (v, p) in qvel.iter().zip(&energy.momentum) {
+        twice = v.mul_add(*p, twice);
+    }
+    energy.kinetic[0] = twice * L::of(0.5);
+}
+
+/// ½ a r² + b r³/3 + c r⁴/4 of each stretched part of a joint.
+#[inline(always)]
+fn spring_energy<L: Lane>(joint: &Joint<L::Real>, q: &[L]) -> L {
+    let [a, b, c]: [L; 3] = splat(&joint.stiffness);
+    let stored = |r: L| {
+        let inner = r.mul_add(r.mul_add(c * L::of(0.25), b * L::of(1.0 / 3.0)), a * L::of(0.5));
+        inner * r * r
+    };
+    match joint.kind {
+        JointKind::Free => stored(norm(&shift_from_rest(joint, q))) + stored(norm(&twist_from_rest(joint, &q[3..], 3))),
+        JointKind::Ball => stored(norm(&twist_from_rest(joint, q, 0))),
+        JointKind::Slide | JointKind::Hinge => stored(q[0] - L::splat(joint.qpos_spring[0])),
+    }
+}

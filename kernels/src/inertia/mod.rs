@@ -1,0 +1,87 @@
+//! Joint-space inertia by the composite rigid body algorithm (Featherstone 2008, §6.2).
+
+use crate::fields::fields;
+use crate::lane::Lane;
+use crate::math::spatial::{Inertia10, dot6, inertia_mul};
+use crate::math::vec3::splat;
+use crate::model::{Link, Model, NONE};
+use crate::position::Position;
+
+fields! {
+    /// Spatial inertias and the joint-space inertia matrix.
+    pub struct Inertia(sizes) {
+        /// Spatial inertia of each link at its tree's origin, world axes.
+        pub link: Vec<[L; 10]> = sizes.nlink,
+        /// Spatial inertia of each link and all that it carries.
+        pub composite: Vec<[L; 10]> = sizes.nlink,
+        /// Joint-space inertia matrix M, stored by `model.rows`.
+        pub m: Vec<L> = sizes.nm,
+    } L
+}
+
+/// Spatial inertias of links, composite inertias, and M with armature.
+pub fn crb<L: Lane>(model: &Model<L::Real>, position: &Position<L>, inertia: &mut Inertia<L>) {
+    for (l, link) in model.links.iter().enumerate() {
+        let own = link_inertia(link, &position.rot[l], &position.com[l]);
+        inertia.link[l] = own;
+        inertia.composite[l] = own;
+    }
+    for (l, link) in model.links.iter().enumerate().rev() {
+        if link.parent != NONE {
+            let carried = inertia.composite[l];
+            let parent = &mut inertia.composite[link.parent as usize];
+            for (p, c) in parent.iter_mut().zip(carried) {
+                *p += c;
+            }
+        }
+    }
+    for (i, dof) in model.dofs.iter().enumerate() {
+        let force = inertia_mul(&inertia.composite[dof.link as usize], &position.cdof[i]);
+        let (start, first) = (model.rows.start[i] as usize, model.rows.first[i] as usize);
+        for run in model.tree_pattern.row(i) {
+            let row = &mut inertia.m[start + run.start as usize - first..];
+            for (entry, s) in row.iter_mut().zip(&position.cdof[run.range()]) {
+                *entry = dot6(s, &force);
+            }
+        }
+        inertia.m[start + i - first] = dot6(&position.cdof[i], &force) + L::splat(dof.armature);
+    }
+}
+
+/// Spatial inertia at the tree's origin of a link whose centre of mass is at `com`.
+#[inline(always)]
+fn link_inertia<L: Lane>(link: &Link<L::Real>, rot: &[L; 9], com: &[L; 3]) -> Inertia10<L> {
+    // R I Rᵀ, I in link axes: first T = R I, then the upper triangle of T Rᵀ.
+    let i: [L; 6] = splat(&link.inertia);
+    let r = rot;
+    let t: [[L; 3]; 3] = std::array::from_fn(|k| {
+        let (x, y, z) = (r[3 * k], r[3 * k + 1], r[3 * k + 2]);
+        if link.diagonal {
+            [x * i[0], y * i[1], z * i[2]]
+        } else {
+            [
+                z.mul_add(i[4], y.mul_add(i[3], x * i[0])),
+                z.mul_add(i[5], y.mul_add(i[1], x * i[3])),
+                z.mul_add(i[2], y.mul_add(i[5], x * i[4])),
+            ]
+        }
+    });
+    let entry = |a: usize, b: usize| t[a][2].mul_add(r[3 * b + 2], t[a][1].mul_add(r[3 * b + 1], t[a][0] * r[3 * b]));
+    // Parallel axes: + m (s·s 1 - s sᵀ).
+    let m = L::splat(link.mass);
+    let s = com;
+    let h = [m * s[0], m * s[1], m * s[2]];
+    let (xx, yy, zz) = (h[0] * s[0], h[1] * s[1], h[2] * s[2]);
+    [
+        entry(0, 0) + (yy + zz),
+        entry(1, 1) + (xx + zz),
+        entry(2, 2) + (xx + yy),
+        h[0].neg_mul_add(s[1], entry(0, 1)),
+        h[0].neg_mul_add(s[2], entry(0, 2)),
+        h[1].neg_mul_add(s[2], entry(1, 2)),
+        h[0],
+        h[1],
+        h[2],
+        m,
+    ]
+}

@@ -1,0 +1,6 @@
+//! Small algebra over lanes: vectors, rotations, quaternions, spatial vectors and the sparse factor.
+
+pub mod ldl;
+pub mod quat;
+pub mod spatial;
+pub mod vec3;

@@ -1,0 +1,134 @@
+//! Passive forces: joint springs, dampers and gravity compensation.
+
+use crate::fields::fields;
+use crate::lane::Lane;
+use crate::math::quat;
+use crate::math::spatial::{dot6, join};
+use crate::math::vec3::{cross, mul_add, norm, scale, splat};
+use crate::model::{Dof, Joint, JointKind, Model, NONE};
+use crate::position::Position;
+
+fields! {
+    /// Passive generalised forces.
+    pub struct Passive(sizes) {
+        /// Gravity compensation, whether it counts as passive or as an actuator force.
+        pub qfrc_gravcomp: Vec<L> = sizes.nv,
+        /// Sum of the passive forces.
+        pub qfrc_passive: Vec<L> = sizes.nv,
+    } L
+}
+
+/// Sum of spring, damper and gravity compensation forces.
+pub fn passive<L: Lane>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    qpos: &[L],
+    qvel: &[L],
+    passive: &mut Passive<L>,
+) {
+    passive.qfrc_passive.fill(L::zero());
+    if model.features.springs {
+        for joint in model.joints.iter().filter(|joint| joint.spring) {
+            spring(joint, qpos, &mut passive.qfrc_passive);
+        }
+    }
+    if model.features.dampers {
+        for (i, dof) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
+            passive.qfrc_passive[i] -= damper(dof, qvel[i]);
+        }
+    }
+    if model.features.gravcomp {
+        gravcomp(model, position, &mut passive.qfrc_gravcomp);
+        for (i, dof) in model.dofs.iter().enumerate() {
+            if !model.joints[dof.joint as usize].actuator_gravcomp {
+                passive.qfrc_passive[i] += passive.qfrc_gravcomp[i];
+            }
+        }
+    }
+}
+
+/// a + b r + c r²: the stiffness of a spring stretched by `r`.
+#[inline(always)]
+pub(crate) fn stiffness<L: Lane>(joint: &Joint<L::Real>, r: L) -> L {
+    let [a, b, c]: [L; 3] = splat(&joint.stiffness);
+    r.mul_add(r.mul_add(c, b), a)
+}
+
+/// Rotation vector by which a ball (or the rotation of a free joint) is turned from its spring's rest, child frame.
+#[inline(always)]
+pub(crate) fn twist_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L], rest: usize) -> [L; 3] {
+    let s = &joint.qpos_spring;
+    let rest = std::array::from_fn(|k| L::splat(s[rest + k]));
+    quat::log(&quat::mul(&quat::conjugate(&rest), &quat::unit(&[q[0], q[1], q[2], q[3]])))
+}
+
+/// Displacement of a free joint's position from its spring's rest.
+#[inline(always)]
+pub(crate) fn shift_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L]) -> [L; 3] {
+    std::array::from_fn(|k| q[k] - L::splat(joint.qpos_spring[k]))
+}
+
+#[inline(always)]
+fn spring<L: Lane>(joint: &Joint<L::Real>, qpos: &[L], force: &mut [L]) {
+    let q = &qpos[joint.qpos as usize..];
+    let out = &mut force[joint.dof as usize..];
+    let mut pull = |at: usize, d: &[L; 3]| {
+        let f = scale(stiffness(joint, norm(d)), d);
+        for k in 0..3 {
+            out[at + k] -= f[k];
+        }
+    };
+    match joint.kind {
+        JointKind::Free => {
+            pull(0, &shift_from_rest(joint, q));
+            pull(3, &twist_from_rest(joint, &q[3..], 3));
+        }
+        JointKind::Ball => pull(0, &twist_from_rest(joint, q, 0)),
+        JointKind::Slide | JointKind::Hinge => {
+            let x = q[0] - L::splat(joint.qpos_spring[0]);
+            out[0] -= stiffness(joint, x) * x;
+        }
+    }
+}
+
+/// a v + b v|v| + c v³
+#[inline(always)]
+fn damper<L: Lane>(dof: &Dof<L::Real>, v: L) -> L {
+    let [a, b, c]: [L; 3] = splat(&dof.damping);
+    if dof.damping_linear {
+        return a * v;
+    }
+    let speed = v.abs();
+    speed.mul_add(speed.mul_add(c, b), a) * v
+}
+
+/// Derivative of the damper force by velocity, a + 2 b|v| + 3 c v².
+#[inline(always)]
+pub fn damper_slope<L: Lane>(dof: &Dof<L::Real>, v: L) -> L {
+    let [a, b, c]: [L; 3] = splat(&dof.damping);
+    if dof.damping_linear {
+        return a;
+    }
+    let speed = v.abs();
+    speed.mul_add(speed.mul_add(L::of(3.0) * c, b + b), a)
+}
+
+/// Generalised forces that carry the compensated weight.
+fn gravcomp<L: Lane>(model: &Model<L::Real>, position: &Position<L>, force: &mut [L]) {
+    force.fill(L::zero());
+    let g: [L; 3] = splat(&model.gravity);
+    for (l, link) in model.links.iter().enumerate() {
+        let weight = L::splat(link.gravcomp);
+        if link.gravcomp == L::Real::default() {
+            continue;
+        }
+        let lift = scale(-weight, &g);
+        let at = mul_add(&position.rot[l], &splat(&link.gravcomp_pos), &position.pos[l]);
+        let wrench = join(&cross(&at, &lift), &lift);
+        let mut i = link.dofs.range().end as u32 - 1;
+        while i != NONE {
+            force[i as usize] += dot6(&position.cdof[i as usize], &wrench);
+            i = model.dofs[i as usize].parent;
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Forward kinematics: positions to link poses, joint axes and dof axes.
+//!
+//! A tree's links are placed relative to the tree's origin, the position of its first link's frame (see [`crate::model`]).
+//! Spatial vectors of a tree are in world axes at that origin. Joints act in order; a rotation keeps its anchor in place.
+
+use crate::fields::fields;
+use crate::lane::{Lane, sin_cos};
+use crate::math::quat;
+use crate::math::vec3::{
+    Mat3, Vec3, add, column, cross, mul, mul_add, mul_mat, neg, rotate_columns, rotation, scale, splat, sub, zero,
+};
+use crate::model::{AxisKind, Joint, JointKind, Link, Model, NONE};
+
+fields! {
+    /// Poses of links and axes of dofs.
+    pub struct Position(sizes) {
+        /// Origin of each tree in the world, m.
+        pub origin: Vec<[L; 3]> = sizes.ntree,
+        /// Position of each link's frame relative to its tree's origin, m, world axes.
+        pub pos: Vec<[L; 3]> = sizes.nlink,
+        /// Orientation of each link's frame: link to world.
+        pub rot: Vec<[L; 9]> = sizes.nlink,
+        /// Centre of mass of each link relative to its tree's origin, m, world axes.
+        pub com: Vec<[L; 3]> = sizes.nlink,
+        /// Anchor of each joint relative to its tree's origin, m, world axes.
+        pub anchor: Vec<[L; 3]> = sizes.njnt,
+        /// Axis of each joint, world axes, as it was before the joint acted.
+        pub axis: Vec<[L; 3]> = sizes.njnt,
+        /// Motion of each dof (ω; v) at its tree's origin, world axes.
+        pub cdof: Vec<[L; 6]> = sizes.nv,
+    } L
+}
+
+/// Poses of all links from positions `qpos` (quaternions of any positive length).
+pub fn kinematics<L: Lane>(model: &Model<L::Real>, qpos: &[L], position: &mut Position<L>) {
+    for (l, link) in model.links.iter().enumerate() {
+        let root = link.parent == NONE;
+        let (mut pos, mut rot) = placed(link, position);
+        let first = link.joints.start as usize;
+        for j in link.joints.range() {
+            let joint = &model.joints[j];
+            let q = &qpos[joint.qpos as usize..];
+            if joint.kind == JointKind::Free {
+                pos = [q[0], q[1], q[2]];
+                rot = quat::to_matrix(&quat::unit(&[q[3], q[4], q[5], q[6]]));
+                position.anchor[j] = zero();
+                continue;
+            }
+            let shift = move_joint(joint, q, &mut rot, &mut position.axis[j], &mut position.anchor[j]);
+            if let Some(shift) = shift {
+                pos = add(&pos, &shift);
+                for before in &mut position.anchor[first..j] {
+                    *before = sub(before, &shift);
+                }
+            }
+        }
+        if root {
+            position.origin[link.tree as usize] = pos;
+            pos = zero();
+        } else {
+            for anchor in &mut position.anchor[link.joints.range()] {
+                *anchor = add(anchor, &pos);
+            }
+        }
+        position.pos[l] = pos;
+        position.rot[l] = rot;
+        position.com[l] = mul_add(&rot, &splat(&link.com), &pos);
+        for j in link.joints.range() {
+            dof_axes(&model.joints[j], j, &rot, position);
+        }
+    }
+}
+
+/// A link's frame before its joints act.
+#[inline(always)]
+fn placed<L: Lane>(link: &Link<L::Real>, position: &Position<L>) -> (Vec3<L>, Mat3<L>) {
+    if link.parent == NONE {
+        return (splat(&link.pos), splat(&link.rot));
+    }
+    let parent = link.parent as usize;
+    let rot = &position.rot[parent];
+    let pos = mul_add(rot, &splat(&link.pos), &position.pos[parent]);
+    (pos, if link.aligned { *rot } else { mul_mat(rot, &splat(&link.rot)) })
+}
+
+/// Lets a slide, hinge or ball act on the frame's orientation. Records the axis and the anchor relative to the frame's
+/// position after the joint; returns how far the frame's position moves, if it can move.
+#[inline(always)]
+fn move_joint<L: Lane>(
+    joint: &Joint<L::Real>,
+    q: &[L],
+    rot: &mut Mat3<L>,
+    axis: &mut Vec3<L>,
+    anchor: &mut Vec3<L>,
+) -> Option<Vec3<L>> {
+    *axis = match joint.axis_kind {
+        AxisKind::Plus(k) => column(rot, k as usize),
+        AxisKind::Minus(k) => neg(&column(rot, k as usize)),
+        AxisKind::General => mul(rot, &splat(&joint.axis)),
+    };
+    if joint.kind == JointKind::Slide {
+        *anchor = if joint.anchored { mul(rot, &splat(&joint.pos)) } else { zero() };
+        return Some(scale(q[0] - L::splat(joint.qpos0), axis));
+    }
+    let before = if joint.anchored { mul(rot, &splat(&joint.pos)) } else { zero() };
+    if joint.kind == JointKind::Ball {
+        *rot = mul_mat(rot, &quat::to_matrix(&quat::unit(&[q[0], q[1], q[2], q[3]])));
+    } else {
+        let (sin, cos) = sin_cos(q[0] - L::splat(joint.qpos0));
+        match joint.axis_kind {
+            AxisKind::Plus(k) => rotate_columns(rot, k, sin, cos),
+            AxisKind::Minus(k) => rotate_columns(rot, k, -sin, cos),
+            AxisKind::General => *rot = mul_mat(rot, &rotation(&splat(&joint.axis), sin, cos)),
+        }
+    }
+    if !joint.anchored {
+        *anchor = zero();
+        return None;
+    }
+    *anchor = mul(rot, &splat(&joint.pos));
+    Some(sub(&before, anchor))
+}
+
+/// Motions of a joint's dofs: a rotation about `a` through `p` is (a; p × a), a translation (0; a).
+#[inline(always)]
+fn dof_axes<L: Lane>(joint: &Joint<L::Real>, j: usize, rot: &Mat3<L>, position: &mut Position<L>) {
+    let dof = joint.dof as usize;
+    let turn = |a: &Vec3<L>, p: &Vec3<L>| {
+        let v = cross(p, a);
+        [a[0], a[1], a[2], v[0], v[1], v[2]]
+    };
+    let (z, one) = (L::zero(), L::one());
+    match joint.kind {
+        JointKind::Free => {
+            for k in 0..3 {
+                let mut shift = [z; 6];
+                shift[3 + k] = one;
+                position.cdof[dof + k] = shift;
+                let a = column(rot, k);
+                position.cdof[dof + 3 + k] = [a[0], a[1], a[2], z, z, z];
+            }
+        }
+        JointKind::Ball => {
+            for k in 0..3 {
+                position.cdof[dof + k] = turn(&column(rot, k), &position.anchor[j]);
+            }
+        }
+        JointKind::Slide => {
+            let a = position.axis[j];
+            position.cdof[dof] = [z, z, z, a[0], a[1], a[2]];
+        }
+        JointKind::Hinge => position.cdof[dof] = turn(&position.axis[j], &position.anchor[j]),
+    }
+}

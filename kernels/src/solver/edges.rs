@@ -1,0 +1,111 @@
+//! The one-sided rows of an iterate (limits and pyramid edges), flat, for the line search.
+
+use super::RowVector;
+use crate::constraint::{Constraint, DofRowKind};
+use crate::lane::{LaneQuery, Mask};
+
+/// Along a + α p a one-sided row costs ½ D min(y + α v, 0)².
+#[derive(Clone, Debug)]
+pub struct Edges<L> {
+    /// (y, v, D v) of every edge.
+    edges: Vec<[L; 3]>,
+    /// Dry friction: (y, v, D, bound).
+    frictions: Vec<[L; 4]>,
+}
+
+impl<L: LaneQuery> Edges<L> {
+    /// Room for `n` edges.
+    pub fn with_capacity(n: usize) -> Self {
+        Edges { edges: Vec::with_capacity(n), frictions: Vec::with_capacity(n) }
+    }
+
+    /// Collects the edges of an iterate with rows `y` and direction `v`.
+    pub fn collect(&mut self, constraint: &Constraint<L>, y: &RowVector<L>, v: &RowVector<L>) {
+        self.edges.clear();
+        self.frictions.clear();
+        for ((row, y), v) in constraint.dof_rows.iter().zip(&y.dof).zip(&v.dof) {
+            if row.kind == DofRowKind::Friction {
+                self.frictions.push([*y, *v, row.d, row.bound]);
+            } else {
+                self.edges.push([*y, *v, row.d * *v]);
+            }
+        }
+        for row in &constraint.contact_rows {
+            let range = row.component as usize..(row.component + row.dim) as usize;
+            let (y, v) = (&y.component[range.clone()], &v.component[range]);
+            if row.dim == 1 {
+                self.edges.push([y[0], v[0], row.d * v[0]]);
+            }
+            for j in 1..y.len() {
+                let mu = row.friction[j - 1];
+                let up = mu.mul_add(v[j], v[0]);
+                let down = mu.neg_mul_add(v[j], v[0]);
+                self.edges.push([mu.mul_add(y[j], y[0]), up, row.d * up]);
+                self.edges.push([mu.neg_mul_add(y[j], y[0]), down, row.d * down]);
+            }
+        }
+    }
+
+    /// First and second derivative by α of the rows' cost.
+    fn slope(&self, alpha: L) -> (L, L) {
+        let zero = L::zero();
+        let (mut first, mut second) = (zero, zero);
+        for [y, v, dv] in &self.edges {
+            let z = alpha.mul_add(*v, *y);
+            first = z.min(zero).mul_add(*dv, first);
+            second += L::select(z.lt(zero), *dv * *v, zero);
+        }
+        for [y, v, d, bound] in &self.frictions {
+            let pull = *d * alpha.mul_add(*v, *y);
+            first = pull.clamp(-*bound, *bound).mul_add(*v, first);
+            second += L::select(pull.abs().lt(*bound), *d * *v * *v, zero);
+        }
+        (first, second)
+    }
+
+    /// The step along p that minimises the cost, for the lanes in `active`. `slope` and `curvature` are those of the
+    /// quadratic part; a lane stops when the derivative is below `tolerance`.
+    pub fn search(&self, slope: L, curvature: L, tolerance: L, iterations: u32, active: L::Mask) -> L {
+        let mut alpha = L::one();
+        let (mut low, mut high) = (L::zero(), L::of(f64::MAX));
+        let mut open = active;
+        for _ in 0..iterations {
+            let (first, second) = self.slope(alpha);
+            let first = alpha.mul_add(curvature, slope) + first;
+            let second = curvature + second;
+            open = open & !first.abs().le(tolerance);
+            if !L::any(open) {
+                break;
+            }
+            let falling = first.lt(L::zero());
+            low = L::select(open & falling, alpha, low);
+            high = L::select(open & !falling, alpha, high);
+            let newton = alpha - first / second;
+            let middle = (low + high) * L::of(0.5);
+            let inside = newton.gt(low) & newton.lt(high);
+            let next = L::select(inside, newton, middle);
+            // No representable step left.
+            open = open & !next.eq(alpha);
+            alpha = L::select(open, next, alpha);
+        }
+        alpha
+    }
+
+    /// Whether no row changes between acting and not acting (or sticking and sliding) on the way to `alpha`.
+    pub fn unchanged(&self, alpha: L) -> L::Mask {
+        let zero = L::zero();
+        let mut same = L::Mask::splat(true);
+        for [y, v, dv] in &self.edges {
+            let z = alpha.mul_add(*v, *y);
+            let moved = (y.lt(zero) & !z.lt(zero)) | (z.lt(zero) & !y.lt(zero));
+            same = same & (!moved | dv.eq(zero));
+        }
+        for [y, v, d, bound] in &self.frictions {
+            let (from, to) = (*d * *y, *d * alpha.mul_add(*v, *y));
+            same = same & from.abs().lt(*bound) & to.abs().lt(*bound)
+                | same & from.ge(*bound) & to.ge(*bound)
+                | same & from.le(-*bound) & to.le(-*bound);
+        }
+        same
+    }
+}

@@ -1,0 +1,138 @@
+//! Constraint solvers: the acceleration that minimises ½(a - a₀)ᵀM(a - a₀) + s(Ja - a_ref), with s the convex cost of the
+//! rows (Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014).
+//!
+//! Drivers iterate until every world of the block has converged; a world that has is frozen by a mask, so its bits do not
+//! depend on how long its neighbours take.
+
+mod edges;
+mod fill;
+mod hessian;
+mod newton;
+mod rows;
+
+pub use newton::newton;
+
+use crate::acceleration::Acceleration;
+use crate::constraint::Constraint;
+use crate::fields::fields;
+use crate::inertia::Inertia;
+use crate::lane::{Lane, LaneQuery};
+use crate::model::{Model, Pattern};
+use crate::position::Position;
+
+fields! {
+    /// Vectors and matrices of the solver.
+    pub struct Solver(sizes) {
+        /// Acceleration with constraints.
+        pub qacc: Vec<L> = sizes.nv,
+        /// Σ Jᵀf: generalised force of the constraints.
+        pub qfrc_constraint: Vec<L> = sizes.nv,
+        /// M a of the current iterate.
+        pub ma: Vec<L> = sizes.nv,
+        /// Gradient of the cost.
+        pub gradient: Vec<L> = sizes.nv,
+        /// Search direction p.
+        pub search: Vec<L> = sizes.nv,
+        /// M p.
+        pub msearch: Vec<L> = sizes.nv,
+        /// Hessian, then its factor, stored by `model.rows`.
+        pub hessian: Vec<L> = sizes.nm,
+        /// D⁻¹ of that factor.
+        pub inverse: Vec<L> = sizes.nv,
+        /// Per link: motion of the vector that is mapped to the rows.
+        pub twist: Vec<[L; 6]> = sizes.nlink,
+        /// Per link: force of contacts on it and all that it carries.
+        pub wrench: Vec<[L; 6]> = sizes.nlink,
+        /// Per link: stiffness JᵀDJ of contacts on it and all that it carries, lower triangle by rows.
+        pub stiffness: Vec<[L; 21]> = sizes.nlink,
+    } L
+}
+
+/// What a solver solves: the model and the stages that it reads.
+#[derive(Clone, Copy, Debug)]
+pub struct Problem<'a, L: Lane> {
+    /// Model.
+    pub model: &'a Model<L::Real>,
+    /// Poses and dof axes.
+    pub position: &'a Position<L>,
+    /// Inertia matrix.
+    pub inertia: &'a Inertia<L>,
+    /// Smooth force and acceleration.
+    pub acceleration: &'a Acceleration<L>,
+    /// Rows.
+    pub constraint: &'a Constraint<L>,
+}
+
+/// Row quantities of one iterate: per dof row and per contact component.
+#[derive(Clone, Debug)]
+pub struct RowVector<L> {
+    /// Per dof row.
+    pub dof: Vec<L>,
+    /// Per contact component.
+    pub component: Vec<L>,
+}
+
+impl<L: Lane> RowVector<L> {
+    fn with_capacity(dof: usize, component: usize) -> Self {
+        RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component) }
+    }
+
+    /// Sets the lengths to those of the constraint's lists.
+    fn fit(&mut self, constraint: &Constraint<L>) {
+        self.dof.resize(constraint.dof_rows.len(), L::zero());
+        self.component.resize(constraint.reference.len(), L::zero());
+    }
+}
+
+/// Statistics of a solve, per world.
+#[derive(Clone, Copy, Debug)]
+pub struct Statistics<L> {
+    /// Iterations.
+    pub niter: L,
+    /// Iterations of the slowest world of the block.
+    pub block_niter: u32,
+}
+
+/// Everything that a solver needs beyond the constraint's rows.
+#[derive(Clone, Debug)]
+pub struct SolverWork<L> {
+    /// Vectors and matrices.
+    pub fields: Solver<L>,
+    /// y = J a - a_ref of the current iterate.
+    pub y: RowVector<L>,
+    /// J p.
+    pub jp: RowVector<L>,
+    /// Force: per dof row, and per contact component.
+    pub force: RowVector<L>,
+    /// One-sided rows, for the line search.
+    pub edges: edges::Edges<L>,
+    /// Pattern of the Hessian when contacts join branches.
+    pub fill: fill::Fill,
+    /// Links with contacts in the block, or carrying such links.
+    pub touched: Vec<bool>,
+    /// Statistics of the last solve.
+    pub statistics: Statistics<L>,
+}
+
+impl<L: LaneQuery> SolverWork<L> {
+    /// Room for all rows that the model can have.
+    pub fn new(model: &Model<L::Real>) -> Self {
+        let dof = model.friction_losses.len() + 2 * model.limits.len();
+        let component: usize = model.pairs.iter().map(|pair| (pair.slots.len * pair.condim) as usize).sum();
+        SolverWork {
+            fields: Solver::new(&model.sizes),
+            y: RowVector::with_capacity(dof, component),
+            jp: RowVector::with_capacity(dof, component),
+            force: RowVector::with_capacity(dof, component),
+            edges: edges::Edges::with_capacity(dof + 2 * component),
+            fill: fill::Fill::new(&model.sizes),
+            touched: vec![false; model.sizes.nlink],
+            statistics: Statistics { niter: L::zero(), block_niter: 0 },
+        }
+    }
+}
+
+/// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches.
+fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a fill::Fill) -> &'a Pattern {
+    if problem.constraint.cross { &fill.pattern } else { &problem.model.tree_pattern }
+}

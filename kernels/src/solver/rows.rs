@@ -1,0 +1,186 @@
+//! Between dofs and rows: J x, row forces, and Jᵀ f.
+
+use super::{Problem, RowVector, Solver, SolverWork};
+use crate::constraint::{Constraint, ContactRow, DofRow, DofRowKind};
+use crate::lane::Lane;
+use crate::math::spatial::dot6;
+use crate::math::vec3::{add, dot, scale_add, zero};
+use crate::model::{Model, NONE};
+
+/// out = J x.
+pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], out: &mut RowVector<L>) {
+    let Problem { model, position, constraint, .. } = problem;
+    for (row, y) in constraint.dof_rows.iter().zip(&mut out.dof) {
+        let x = &x[row.dof as usize..];
+        *y = match row.kind {
+            DofRowKind::Friction | DofRowKind::Lower => x[0],
+            DofRowKind::Upper => -x[0],
+            DofRowKind::Ball => -dot(&row.axis, &[x[0], x[1], x[2]]),
+        };
+    }
+    if constraint.contact_rows.is_empty() {
+        return;
+    }
+    for (l, link) in model.links.iter().enumerate() {
+        let mut motion = if link.parent == NONE { zero() } else { twist[link.parent as usize] };
+        for i in link.dofs.range() {
+            motion = scale_add(x[i], &position.cdof[i], &motion);
+        }
+        twist[l] = motion;
+    }
+    for row in &constraint.contact_rows {
+        let (first, dim) = (row.component as usize, row.dim as usize);
+        let out = &mut out.component[first..first + dim];
+        if row.link != NONE {
+            let motion = &twist[row.link as usize];
+            for (y, w) in out.iter_mut().zip(&constraint.motion[first..first + dim]) {
+                *y = dot6(w, motion);
+            }
+        } else {
+            out.fill(L::zero());
+            for (entry, column) in two_sided(model, constraint, row) {
+                for (y, j) in out.iter_mut().zip(column) {
+                    *y = j.mul_add(x[entry], *y);
+                }
+            }
+        }
+    }
+}
+
+/// Dofs and Jacobian columns of a contact with two moving sides.
+#[inline(always)]
+pub fn two_sided<'a, L: Lane>(
+    model: &'a Model<L::Real>,
+    constraint: &'a Constraint<L>,
+    row: &ContactRow<L>,
+) -> impl Iterator<Item = (usize, &'a [L])> {
+    let dofs = &model.pair_dofs[model.pairs[row.pair as usize].dofs.range()];
+    let (start, dim) = (row.jacobian as usize, row.dim as usize);
+    let columns = constraint.jacobian[start..start + dim * dofs.len()].chunks_exact(dim);
+    dofs.iter().map(|entry| entry.dof as usize).zip(columns)
+}
+
+/// Force of a dof row at y, and its derivative's negative: the row's stiffness.
+#[inline(always)]
+pub fn dof_force<L: Lane>(row: &DofRow<L>, y: L) -> (L, L) {
+    let pull = row.d * y;
+    if row.kind == DofRowKind::Friction {
+        let slides = pull.abs().ge(row.bound);
+        (-(pull.clamp(-row.bound, row.bound)), L::select(slides, L::zero(), row.d))
+    } else {
+        let acts = y.lt(L::zero());
+        (L::select(acts, -pull, L::zero()), L::select(acts, row.d, L::zero()))
+    }
+}
+
+/// Component forces of a pyramidal contact from its components `y`.
+#[inline(always)]
+pub fn pyramid_force<L: Lane>(row: &ContactRow<L>, y: &[L], force: &mut [L]) {
+    let zero = L::zero();
+    if row.dim == 1 {
+        force[0] = -(row.d * y[0].min(zero));
+        return;
+    }
+    let mut normal = zero;
+    for j in 1..y.len() {
+        let mu = row.friction[j - 1];
+        let plus = mu.mul_add(y[j], y[0]).min(zero);
+        let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
+        normal += plus + minus;
+        force[j] = -(row.d * mu * (plus - minus));
+    }
+    force[0] = -(row.d * normal);
+}
+
+/// Row forces from y, their generalised force Jᵀf, and the gradient M a - smooth force - Jᵀf.
+pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let Problem { model, position, acceleration, constraint, .. } = problem;
+    let Solver { qfrc_constraint, wrench, ma, gradient, .. } = &mut work.fields;
+    qfrc_constraint.fill(L::zero());
+    for ((row, y), force) in constraint.dof_rows.iter().zip(&work.y.dof).zip(&mut work.force.dof) {
+        *force = dof_force(row, *y).0;
+        let out = &mut qfrc_constraint[row.dof as usize..];
+        match row.kind {
+            DofRowKind::Friction | DofRowKind::Lower => out[0] += *force,
+            DofRowKind::Upper => out[0] -= *force,
+            DofRowKind::Ball => {
+                for k in 0..3 {
+                    out[k] = force.neg_mul_add(row.axis[k], out[k]);
+                }
+            }
+        }
+    }
+    for (wrench, touched) in wrench.iter_mut().zip(&work.touched) {
+        if *touched {
+            *wrench = zero();
+        }
+    }
+    for row in &constraint.contact_rows {
+        let (first, dim) = (row.component as usize, row.dim as usize);
+        let force = &mut work.force.component[first..first + dim];
+        pyramid_force(row, &work.y.component[first..first + dim], force);
+        if row.link != NONE {
+            let wrench = &mut wrench[row.link as usize];
+            for (f, w) in force.iter().zip(&constraint.motion[first..first + dim]) {
+                *wrench = scale_add(*f, w, wrench);
+            }
+        } else {
+            for (dof, column) in two_sided(model, constraint, row) {
+                for (f, j) in force.iter().zip(column) {
+                    qfrc_constraint[dof] = j.mul_add(*f, qfrc_constraint[dof]);
+                }
+            }
+        }
+    }
+    for (l, link) in model.links.iter().enumerate().rev() {
+        if !work.touched[l] {
+            continue;
+        }
+        let sum = wrench[l];
+        for i in link.dofs.range() {
+            qfrc_constraint[i] += dot6(&position.cdof[i], &sum);
+        }
+        if link.parent != NONE {
+            let parent = &mut wrench[link.parent as usize];
+            *parent = add(parent, &sum);
+        }
+    }
+    for i in 0..gradient.len() {
+        gradient[i] = ma[i] - acceleration.qfrc_smooth[i] - qfrc_constraint[i];
+    }
+}
+
+/// Cost of the rows at y.
+pub fn cost<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>) -> L {
+    let zero = L::zero();
+    let mut twice = zero;
+    for (row, y) in constraint.dof_rows.iter().zip(&y.dof) {
+        let (force, _) = dof_force(row, *y);
+        // Quadratic: D y² = -f y; sliding friction: η (2|y| - η/D) = -f y - f² (1/D) + ...
+        let quadratic = -(force * *y);
+        twice += if row.kind == DofRowKind::Friction {
+            let slides = (row.d * *y).abs().ge(row.bound);
+            let linear = row.bound * ((*y + *y).abs() - row.bound / row.d);
+            L::select(slides, linear, quadratic)
+        } else {
+            quadratic
+        };
+    }
+    for row in &constraint.contact_rows {
+        let first = row.component as usize;
+        let y = &y.component[first..first + row.dim as usize];
+        let mut squares = zero;
+        if row.dim == 1 {
+            let e = y[0].min(zero);
+            squares = e * e;
+        }
+        for j in 1..y.len() {
+            let mu = row.friction[j - 1];
+            let plus = mu.mul_add(y[j], y[0]).min(zero);
+            let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
+            squares = minus.mul_add(minus, plus.mul_add(plus, squares));
+        }
+        twice = row.d.mul_add(squares, twice);
+    }
+    twice * L::of(0.5)
+}

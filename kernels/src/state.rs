@@ -1,0 +1,140 @@
+//! What a world is: the state that is kept, and the status of the world.
+
+use crate::fields::fields;
+use crate::lane::Lane;
+
+fields! {
+    /// State of the worlds of one block: everything that must be kept to continue a simulation.
+    pub struct State(sizes) {
+        /// Time, s.
+        pub time: Vec<L> = 1,
+        /// Positions.
+        pub qpos: Vec<L> = sizes.nq,
+        /// Velocities.
+        pub qvel: Vec<L> = sizes.nv,
+        /// Activations.
+        pub act: Vec<L> = sizes.na,
+        /// Controls.
+        pub ctrl: Vec<L> = sizes.nu,
+        /// Acceleration from which the solver starts.
+        pub qacc_warmstart: Vec<L> = sizes.nv,
+    } L
+}
+
+fields! {
+    /// Forces from outside, allocated when they are first set.
+    pub struct Applied(sizes) {
+        /// Generalised forces.
+        pub qfrc_applied: Vec<L> = sizes.nv,
+        /// Per MJCF body: force, then torque, at the body's centre of mass, world axes.
+        pub xfrc_applied: Vec<[L; 6]> = sizes.nbody,
+    } L
+}
+
+/// What happened to a world: bits that stay set until it is reset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Status(pub u32);
+
+impl Status {
+    /// A position would have become NaN or infinite.
+    pub const NON_FINITE_POS: Status = Status(1 << 0);
+    /// A velocity would have become NaN or infinite.
+    pub const NON_FINITE_VEL: Status = Status(1 << 1);
+    /// An acceleration was NaN or infinite.
+    pub const NON_FINITE_ACC: Status = Status(1 << 2);
+    /// A value exceeded the largest magnitude.
+    pub const HUGE_VALUE: Status = Status(1 << 3);
+    /// A control was NaN or infinite: all controls of that step were 0.
+    pub const BAD_CTRL: Status = Status(1 << 4);
+    /// The inertia matrix had a pivot near zero.
+    pub const SINGULAR_INERTIA: Status = Status(1 << 7);
+    /// More contacts than the capacity.
+    pub const CONTACT_OVERFLOW: Status = Status(1 << 9);
+    /// The solver reached its limit of iterations.
+    pub const NOT_CONVERGED: Status = Status(1 << 10);
+    /// The world is frozen: its state is the last good one, and it is stepped no more.
+    pub const FROZEN: Status = Status(1 << 15);
+
+    /// Names of the bits, lowest first.
+    pub const NAMES: [(Status, &'static str); 9] = [
+        (Status::NON_FINITE_POS, "NonFinitePos"),
+        (Status::NON_FINITE_VEL, "NonFiniteVel"),
+        (Status::NON_FINITE_ACC, "NonFiniteAcc"),
+        (Status::HUGE_VALUE, "HugeValue"),
+        (Status::BAD_CTRL, "BadCtrl"),
+        (Status::SINGULAR_INERTIA, "SingularInertia"),
+        (Status::CONTACT_OVERFLOW, "ContactOverflow"),
+        (Status::NOT_CONVERGED, "NotConverged"),
+        (Status::FROZEN, "Frozen"),
+    ];
+
+    /// Whether all bits of `other` are set.
+    pub fn contains(self, other: Status) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Sets the bits of `other`.
+    pub fn insert(&mut self, other: Status) {
+        self.0 |= other.0;
+    }
+
+    /// Names of the bits that are set.
+    pub fn names(self) -> Vec<&'static str> {
+        Self::NAMES.iter().filter(|(bit, _)| self.contains(*bit)).map(|(_, name)| *name).collect()
+    }
+}
+
+/// Status bits of a block, as lane masks kept as bit sets: bit `i` of an entry is lane `i`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BlockStatus {
+    /// Lanes that go on.
+    pub alive: u32,
+    /// For each entry of [`Status::NAMES`], lanes in which the event happened.
+    pub events: [u32; Status::NAMES.len()],
+}
+
+impl BlockStatus {
+    /// Records `status` for the given lanes.
+    pub fn record(&mut self, status: Status, lanes: u32) {
+        for (event, (bit, _)) in self.events.iter_mut().zip(Status::NAMES) {
+            if status.contains(bit) {
+                *event |= lanes;
+            }
+        }
+    }
+
+    /// The status of one lane.
+    pub fn lane(&self, lane: usize) -> Status {
+        let mut status = Status::default();
+        for (event, (bit, _)) in self.events.iter().zip(Status::NAMES) {
+            if event >> lane & 1 != 0 {
+                status.insert(bit);
+            }
+        }
+        status
+    }
+
+    /// Sets one lane's status.
+    pub fn set_lane(&mut self, lane: usize, status: Status) {
+        for (event, (bit, _)) in self.events.iter_mut().zip(Status::NAMES) {
+            *event = *event & !(1 << lane) | u32::from(status.contains(bit)) << lane;
+        }
+        let frozen = status.contains(Status::FROZEN);
+        self.alive = self.alive & !(1 << lane) | u32::from(!frozen) << lane;
+    }
+}
+
+/// Copies the state of lane `from` to lane `to`: padding lanes replicate a real world.
+pub fn copy_lane<L: crate::lane::LaneQuery>(state: &mut State<L>, from: usize, to: usize) {
+    state.for_each(&mut |field| {
+        for lanes in field.data {
+            let x = lanes.get(from);
+            lanes.set(to, x);
+        }
+    });
+}
+
+/// The number of lanes of state that a block keeps.
+pub fn state_len<L: Lane>(sizes: &crate::model::Sizes) -> usize {
+    1 + sizes.nq + 2 * sizes.nv + sizes.na + sizes.nu
+}

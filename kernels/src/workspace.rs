@@ -1,0 +1,52 @@
+//! One workspace: a struct for each stage, reused for every block that a thread takes.
+
+use crate::acceleration::Acceleration;
+use crate::actuation::Actuation;
+use crate::collision::Collision;
+use crate::constraint::Constraint;
+use crate::energy::Energy;
+use crate::inertia::Inertia;
+use crate::integration::Integration;
+use crate::lane::LaneQuery;
+use crate::model::Model;
+use crate::passive::Passive;
+use crate::position::Position;
+use crate::solver::SolverWork;
+use crate::velocity::Velocity;
+
+/// What the stages write.
+#[derive(Clone, Debug)]
+#[allow(missing_docs)] // each field is the stage of the same name
+pub struct Workspace<L> {
+    pub position: Position<L>,
+    pub inertia: Inertia<L>,
+    pub collision: Collision<L>,
+    pub velocity: Velocity<L>,
+    pub constraint: Constraint<L>,
+    pub passive: Passive<L>,
+    pub actuation: Actuation<L>,
+    pub acceleration: Acceleration<L>,
+    pub solver: SolverWork<L>,
+    pub integration: Integration<L>,
+    pub energy: Energy<L>,
+}
+
+impl<L: LaneQuery> Workspace<L> {
+    /// A workspace for the model: everything that a step needs, allocated once.
+    pub fn new(model: &Model<L::Real>) -> Self {
+        let sizes = &model.sizes;
+        Workspace {
+            position: Position::new(sizes),
+            inertia: Inertia::new(sizes),
+            collision: Collision::new(model),
+            velocity: Velocity::new(sizes),
+            constraint: Constraint::new(model),
+            passive: Passive::new(sizes),
+            actuation: Actuation::new(sizes),
+            acceleration: Acceleration::new(sizes),
+            solver: SolverWork::new(model),
+            integration: Integration::new(sizes),
+            energy: Energy::new(sizes),
+        }
+    }
+}

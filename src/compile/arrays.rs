@@ -1,0 +1,347 @@
+//! A model as MuJoCo's arrays: its names, numbering and layouts.
+
+use std::collections::BTreeMap;
+
+use lanesim_kernels::model::NONE;
+use lanesim_kernels::options::{Cone, Integrator, Options, Solver};
+
+use super::actuators::Actuators;
+use super::check::is_limited;
+use super::derived::Derived;
+use super::joints;
+use super::links::Links;
+use super::order::Scene;
+use super::pairs;
+use crate::model::{Array, ArrayData, Key, Names};
+use crate::spec::{Bias, Gain, JointKind, Shape, Spec, Transmission};
+
+/// What the arrays show.
+pub(crate) struct Sources<'a> {
+    pub spec: &'a Spec,
+    pub scene: &'a Scene<'a>,
+    pub links: &'a Links,
+    pub tables: &'a lanesim_kernels::model::Model<f64>,
+    pub derived: &'a Derived,
+    pub actuators: &'a Actuators,
+    pub geom_names: &'a Names,
+    pub keys: &'a [Key],
+}
+
+/// Arrays by name.
+#[derive(Default)]
+struct Arrays(BTreeMap<&'static str, Array>);
+
+impl Arrays {
+    /// An array of `width` numbers per element; 0: one number, without a second dimension.
+    fn reals(&mut self, name: &'static str, width: usize, data: impl Iterator<Item = f64>) {
+        let data: Vec<f64> = data.collect();
+        self.insert(name, width, data.len(), ArrayData::F64(data));
+    }
+
+    fn ints(&mut self, name: &'static str, width: usize, data: impl Iterator<Item = i32>) {
+        let data: Vec<i32> = data.collect();
+        self.insert(name, width, data.len(), ArrayData::I32(data));
+    }
+
+    fn insert(&mut self, name: &'static str, width: usize, len: usize, data: ArrayData) {
+        let shape = if width == 0 { vec![len] } else { vec![len / width, width] };
+        self.0.insert(name, Array { shape, data });
+    }
+}
+
+/// Every array.
+pub(crate) fn arrays(s: &Sources) -> BTreeMap<&'static str, Array> {
+    let mut out = Arrays::default();
+    bodies(s, &mut out);
+    joint_arrays(s, &mut out);
+    dofs(s, &mut out);
+    geoms(s, &mut out);
+    sites(s, &mut out);
+    contacts(s, &mut out);
+    actuators(s, &mut out);
+    keys(s, &mut out);
+    options(&s.spec.option, s.tables.gravity, &mut out);
+    out.0
+}
+
+fn bodies(s: &Sources, out: &mut Arrays) {
+    let (bodies, table) = (&s.scene.bodies, s.tables);
+    out.ints("body_parentid", 0, bodies.iter().map(|b| b.parent as i32));
+    out.ints("body_weldid", 0, pairs::weld_groups(s.scene).into_iter().map(|w| w as i32));
+    let mut root = Vec::with_capacity(bodies.len());
+    for (i, b) in bodies.iter().enumerate() {
+        root.push(if b.parent == 0 { i } else { root[b.parent] });
+    }
+    out.ints("body_rootid", 0, root.into_iter().map(|r| r as i32));
+    let tree = |&link: &u32| if link == NONE { -1 } else { table.links[link as usize].tree as i32 };
+    out.ints("body_treeid", 0, s.links.body_link.iter().map(tree));
+    out.ints("body_mocapid", 0, bodies.iter().map(|b| b.mocap.map_or(-1, |m| m as i32)));
+    out.ints("body_jntnum", 0, bodies.iter().map(|b| b.joints.len() as i32));
+    out.ints("body_jntadr", 0, bodies.iter().map(|b| address(&b.joints)));
+    let dofs = |b: &super::order::Body| {
+        let end = s.scene.joints.get(b.joints.end).map_or(s.scene.nv, |j| j.dof);
+        s.scene.joints.get(b.joints.start).filter(|_| !b.joints.is_empty()).map(|j| j.dof..end).unwrap_or_default()
+    };
+    out.ints("body_dofnum", 0, bodies.iter().map(|b| dofs(b).len() as i32));
+    out.ints("body_dofadr", 0, bodies.iter().map(|b| address(&dofs(b))));
+    out.ints("body_geomnum", 0, bodies.iter().map(|b| b.geoms.len() as i32));
+    out.ints("body_geomadr", 0, bodies.iter().map(|b| address(&b.geoms)));
+    out.reals("body_pos", 3, bodies.iter().flat_map(|b| b.pose.pos.to_array()));
+    out.reals("body_quat", 4, bodies.iter().flat_map(|b| b.pose.wxyz()));
+    out.reals("body_ipos", 3, bodies.iter().flat_map(|b| b.mass.frame.pos.to_array()));
+    out.reals("body_iquat", 4, bodies.iter().flat_map(|b| b.mass.frame.wxyz()));
+    out.reals("body_mass", 0, bodies.iter().map(|b| b.mass.mass));
+    out.reals("body_inertia", 3, bodies.iter().flat_map(|b| b.mass.inertia.to_array()));
+    out.reals("body_gravcomp", 0, bodies.iter().map(|b| b.spec.gravcomp));
+    let mut subtree: Vec<f64> = bodies.iter().map(|b| b.mass.mass).collect();
+    for b in (1..bodies.len()).rev() {
+        subtree[bodies[b].parent] += subtree[b];
+    }
+    out.reals("body_subtreemass", 0, subtree.into_iter());
+    out.reals("body_invweight0", 2, s.derived.body_invweight0.iter().flatten().copied());
+}
+
+/// First of a range, or -1 if it is empty.
+fn address(range: &std::ops::Range<usize>) -> i32 {
+    if range.is_empty() { -1 } else { range.start as i32 }
+}
+
+fn joint_arrays(s: &Sources, out: &mut Arrays) {
+    let (joints, table) = (&s.scene.joints, &s.tables.joints);
+    let kind = |kind| match kind {
+        JointKind::Free => 0,
+        JointKind::Ball => 1,
+        JointKind::Slide => 2,
+        JointKind::Hinge => 3,
+    };
+    out.ints("jnt_type", 0, joints.iter().map(|j| kind(j.spec.kind)));
+    out.ints("jnt_qposadr", 0, joints.iter().map(|j| j.qpos as i32));
+    out.ints("jnt_dofadr", 0, joints.iter().map(|j| j.dof as i32));
+    out.ints("jnt_bodyid", 0, joints.iter().map(|j| j.body as i32));
+    out.ints("jnt_group", 0, joints.iter().map(|j| j.spec.group));
+    let limited = |j: &super::order::Joint| j.spec.kind != JointKind::Free && is_limited(j.spec.range, j.spec.limited);
+    out.ints("jnt_limited", 0, joints.iter().map(|j| i32::from(limited(j))));
+    out.ints("jnt_actfrclimited", 0, table.iter().map(|j| i32::from(j.force_limited)));
+    out.ints("jnt_actgravcomp", 0, joints.iter().map(|j| i32::from(j.spec.actuatorgravcomp)));
+    out.reals("jnt_pos", 3, table.iter().flat_map(|j| j.pos));
+    out.reals("jnt_axis", 3, table.iter().flat_map(|j| j.axis));
+    out.reals("jnt_stiffness", 0, table.iter().map(|j| j.stiffness[0]));
+    out.reals("jnt_stiffnesspoly", 2, table.iter().flat_map(|j| [j.stiffness[1], j.stiffness[2]]));
+    out.reals("jnt_range", 2, joints.iter().flat_map(|j| j.spec.range.unwrap_or_default()));
+    out.reals("jnt_actfrcrange", 2, joints.iter().flat_map(|j| j.spec.actuatorfrcrange.unwrap_or_default()));
+    out.reals("jnt_margin", 0, joints.iter().map(|j| j.spec.margin));
+    out.reals("jnt_solref", 2, joints.iter().flat_map(|j| j.spec.solreflimit));
+    out.reals("jnt_solimp", 5, joints.iter().flat_map(|j| j.spec.solimplimit));
+    out.reals("qpos0", 0, s.tables.qpos0.iter().copied());
+    out.reals("qpos_spring", 0, joints::qpos_spring(s.scene).into_iter());
+}
+
+fn dofs(s: &Sources, out: &mut Arrays) {
+    let dofs = &s.tables.dofs;
+    let joint = |d: &lanesim_kernels::model::Dof<f64>| &s.scene.joints[d.joint as usize];
+    let tree = |d: &lanesim_kernels::model::Dof<f64>| s.tables.links[d.link as usize].tree as i32;
+    out.ints("dof_bodyid", 0, dofs.iter().map(|d| joint(d).body as i32));
+    out.ints("dof_jntid", 0, dofs.iter().map(|d| d.joint as i32));
+    out.ints("dof_parentid", 0, dofs.iter().map(|d| if d.parent == NONE { -1 } else { d.parent as i32 }));
+    out.ints("dof_treeid", 0, dofs.iter().map(tree));
+    out.reals("dof_armature", 0, dofs.iter().map(|d| joint(d).spec.armature));
+    out.reals("dof_frictionloss", 0, dofs.iter().map(|d| joint(d).spec.frictionloss));
+    out.reals("dof_solref", 2, dofs.iter().flat_map(|d| joint(d).spec.solreffriction));
+    out.reals("dof_solimp", 5, dofs.iter().flat_map(|d| joint(d).spec.solimpfriction));
+    let damping = s.joint_damping();
+    out.reals("dof_damping", 0, dofs.iter().map(|d| damping[d.joint as usize][0]));
+    out.reals("dof_dampingpoly", 2, dofs.iter().flat_map(|d| damping[d.joint as usize][1..].to_vec()));
+    out.reals("dof_M0", 0, s.derived.dof_m0.iter().copied());
+    out.reals("dof_invweight0", 0, s.derived.dof_invweight0.iter().copied());
+}
+
+impl Sources<'_> {
+    /// Damping of each joint by itself: as written, or from `springdamper`.
+    fn joint_damping(&self) -> Vec<[f64; 3]> {
+        let mut damping: Vec<[f64; 3]> = self.scene.joints.iter().map(|j| j.spec.damping).collect();
+        for (joint, _, linear) in super::constraints::springdampers(self.scene, &self.derived.dof_invweight0) {
+            damping[joint] = [linear, 0.0, 0.0];
+        }
+        damping
+    }
+}
+
+/// MuJoCo's number of a shape.
+fn shape(shape: Shape) -> i32 {
+    match shape {
+        Shape::Plane => 0,
+        Shape::Sphere => 2,
+        Shape::Capsule => 3,
+        Shape::Ellipsoid => 4,
+        Shape::Cylinder => 5,
+        Shape::Box => 6,
+    }
+}
+
+fn geoms(s: &Sources, out: &mut Arrays) {
+    let geoms = &s.scene.geoms;
+    out.ints("geom_type", 0, geoms.iter().map(|g| shape(g.spec.shape)));
+    out.ints("geom_contype", 0, geoms.iter().map(|g| g.spec.contype as i32));
+    out.ints("geom_conaffinity", 0, geoms.iter().map(|g| g.spec.conaffinity as i32));
+    out.ints("geom_condim", 0, geoms.iter().map(|g| g.spec.condim));
+    out.ints("geom_bodyid", 0, geoms.iter().map(|g| g.body as i32));
+    out.ints("geom_group", 0, geoms.iter().map(|g| g.spec.group));
+    out.ints("geom_priority", 0, geoms.iter().map(|g| g.spec.priority));
+    out.reals("geom_size", 3, geoms.iter().flat_map(|g| g.spec.size));
+    out.reals("geom_pos", 3, geoms.iter().flat_map(|g| g.pose.pos.to_array()));
+    out.reals("geom_quat", 4, geoms.iter().flat_map(|g| g.pose.wxyz()));
+    out.reals("geom_rbound", 0, geoms.iter().map(|g| pairs::bounding_radius(g.spec)));
+    out.reals("geom_friction", 3, geoms.iter().flat_map(|g| g.spec.friction));
+    out.reals("geom_solmix", 0, geoms.iter().map(|g| g.spec.solmix));
+    out.reals("geom_solref", 2, geoms.iter().flat_map(|g| g.spec.solref));
+    out.reals("geom_solimp", 5, geoms.iter().flat_map(|g| g.spec.solimp));
+    out.reals("geom_margin", 0, geoms.iter().map(|g| g.spec.margin));
+    out.reals("geom_gap", 0, geoms.iter().map(|g| g.spec.gap));
+}
+
+fn sites(s: &Sources, out: &mut Arrays) {
+    let sites = &s.scene.sites;
+    out.ints("site_type", 0, sites.iter().map(|x| shape(x.spec.shape)));
+    out.ints("site_bodyid", 0, sites.iter().map(|x| x.body as i32));
+    out.ints("site_group", 0, sites.iter().map(|x| x.spec.group));
+    out.reals("site_size", 3, sites.iter().flat_map(|x| x.spec.size));
+    out.reals("site_pos", 3, sites.iter().flat_map(|x| x.pose.pos.to_array()));
+    out.reals("site_quat", 4, sites.iter().flat_map(|x| x.pose.wxyz()));
+}
+
+fn contacts(s: &Sources, out: &mut Arrays) {
+    let id = |name: &str| s.geom_names.id(name).unwrap_or(0);
+    let body = |g: usize| s.scene.geoms[g].body;
+    let mut pairs: Vec<(i32, usize, usize, &crate::spec::Pair)> = s
+        .spec
+        .pairs
+        .iter()
+        .filter(|_| !s.scene.geoms.is_empty())
+        .map(|p| {
+            let (a, b) = (id(&p.geom1), id(&p.geom2));
+            let (a, b) = (a.min(b), a.max(b));
+            (signature(body(a), body(b)), a, b, p)
+        })
+        .collect();
+    pairs.sort_by_key(|p| p.0);
+    out.ints("pair_dim", 0, pairs.iter().map(|p| p.3.condim));
+    out.ints("pair_geom1", 0, pairs.iter().map(|p| p.1 as i32));
+    out.ints("pair_geom2", 0, pairs.iter().map(|p| p.2 as i32));
+    out.ints("pair_signature", 0, pairs.iter().map(|p| p.0));
+    out.reals("pair_solref", 2, pairs.iter().flat_map(|p| p.3.solref));
+    out.reals("pair_solreffriction", 2, pairs.iter().flat_map(|p| p.3.solreffriction));
+    out.reals("pair_solimp", 5, pairs.iter().flat_map(|p| p.3.solimp));
+    out.reals("pair_margin", 0, pairs.iter().map(|p| p.3.margin));
+    out.reals("pair_gap", 0, pairs.iter().map(|p| p.3.gap));
+    out.reals("pair_friction", 5, pairs.iter().flat_map(|p| p.3.friction));
+    let mut excludes: Vec<i32> =
+        pairs::exclude_ids(s.spec, s.scene).into_iter().map(|(a, b)| signature(a, b)).collect();
+    excludes.sort_unstable();
+    out.ints("exclude_signature", 0, excludes.into_iter());
+}
+
+/// Two bodies in one number, as MuJoCo packs them; for models of more than 65535 bodies it is not unique.
+fn signature(body1: usize, body2: usize) -> i32 {
+    ((body1 as u32) << 16).wrapping_add(body2 as u32) as i32
+}
+
+fn actuators(s: &Sources, out: &mut Arrays) {
+    let written = &s.spec.actuators;
+    let table = &s.tables.actuators;
+    let in_parent = |t: &Transmission| matches!(t, Transmission::JointInParent(_));
+    out.ints("actuator_trntype", 0, written.iter().map(|a| i32::from(in_parent(&a.transmission))));
+    out.ints("actuator_trnid", 2, table.iter().flat_map(|a| [a.joint as i32, -1]));
+    out.ints("actuator_dyntype", 0, written.iter().map(|_| 0));
+    out.ints("actuator_gaintype", 0, written.iter().map(|a| i32::from(a.gain == Gain::Affine)));
+    out.ints("actuator_biastype", 0, written.iter().map(|a| i32::from(a.bias == Bias::Affine)));
+    out.ints("actuator_actadr", 0, written.iter().map(|_| -1));
+    out.ints("actuator_actnum", 0, written.iter().map(|_| 0));
+    out.ints("actuator_group", 0, written.iter().map(|a| a.group));
+    out.ints("actuator_ctrllimited", 0, table.iter().map(|a| i32::from(a.ctrl_limited)));
+    out.ints("actuator_forcelimited", 0, table.iter().map(|a| i32::from(a.force_limited)));
+    let ten = |x: [f64; 3]| [x[0], x[1], x[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    out.reals("actuator_gainprm", 10, written.iter().flat_map(|a| ten(a.gainprm)));
+    let bias = |(a, t): (&crate::spec::Actuator, &lanesim_kernels::model::Actuator<f64>)| {
+        ten(if a.bias == Bias::Affine { t.bias } else { a.biasprm })
+    };
+    out.reals("actuator_biasprm", 10, written.iter().zip(table).flat_map(bias));
+    out.reals("actuator_ctrlrange", 2, table.iter().flat_map(|a| a.ctrl_range));
+    out.reals("actuator_forcerange", 2, table.iter().flat_map(|a| a.force_range));
+    out.reals("actuator_gear", 6, table.iter().flat_map(|a| a.gear));
+    out.reals("actuator_armature", 0, written.iter().map(|a| a.armature));
+    out.reals("actuator_damping", 0, written.iter().map(|a| a.damping[0]));
+    out.reals("actuator_dampingpoly", 2, written.iter().flat_map(|a| [a.damping[1], a.damping[2]]));
+    out.reals("actuator_acc0", 0, s.actuators.acc0.iter().copied());
+    out.reals("actuator_length0", 0, s.actuators.length0.iter().copied());
+}
+
+fn keys(s: &Sources, out: &mut Arrays) {
+    let sizes = &s.tables.sizes;
+    let n = s.keys.len();
+    out.reals("key_time", 0, s.keys.iter().map(|k| k.time));
+    type Field = fn(&Key) -> &Vec<f64>;
+    let fields: [(&'static str, usize, Field); 6] = [
+        ("key_qpos", sizes.nq, |k| &k.qpos),
+        ("key_qvel", sizes.nv, |k| &k.qvel),
+        ("key_act", sizes.na, |k| &k.act),
+        ("key_ctrl", sizes.nu, |k| &k.ctrl),
+        ("key_mpos", 3 * sizes.nmocap, |k| &k.mpos),
+        ("key_mquat", 4 * sizes.nmocap, |k| &k.mquat),
+    ];
+    for (name, width, field) in fields {
+        let data: Vec<f64> = s.keys.iter().flat_map(|k| field(k).iter().copied()).collect();
+        out.0.insert(name, Array { shape: vec![n, width], data: ArrayData::F64(data) });
+    }
+}
+
+fn options(o: &Options, gravity: [f64; 3], out: &mut Arrays) {
+    let scalars = [
+        ("timestep", o.timestep),
+        ("density", o.density),
+        ("viscosity", o.viscosity),
+        ("impratio", o.impratio),
+        ("tolerance", o.tolerance),
+        ("ls_tolerance", o.ls_tolerance),
+        ("noslip_tolerance", o.noslip_tolerance),
+        ("ccd_tolerance", o.ccd_tolerance),
+        ("o_margin", o.o_margin),
+    ];
+    for (name, x) in scalars {
+        out.0.insert(name, Array { shape: Vec::new(), data: ArrayData::F64(vec![x]) });
+    }
+    out.reals("gravity", 0, gravity.into_iter());
+    out.reals("wind", 0, o.wind.into_iter());
+    out.reals("magnetic", 0, o.magnetic.into_iter());
+    out.reals("o_solref", 0, o.o_solref.into_iter());
+    out.reals("o_solimp", 0, o.o_solimp.into_iter());
+    out.reals("o_friction", 0, o.o_friction.into_iter());
+    let integrator = match o.integrator {
+        Integrator::Euler => 0,
+        Integrator::Rk4 => 1,
+        Integrator::Implicit => 2,
+        Integrator::ImplicitFast => 3,
+        Integrator::Discrete => 4,
+    };
+    let cone = match o.cone {
+        Cone::Pyramidal => 0,
+        Cone::Elliptic => 1,
+    };
+    let solver = match o.solver {
+        Solver::Pgs => 0,
+        Solver::Cg => 1,
+        Solver::Newton => 2,
+    };
+    let numbers = [
+        ("integrator", integrator),
+        ("cone", cone),
+        ("solver", solver),
+        ("iterations", o.iterations as i32),
+        ("ls_iterations", o.ls_iterations as i32),
+        ("noslip_iterations", o.noslip_iterations as i32),
+        ("ccd_iterations", o.ccd_iterations as i32),
+        ("disableactuator", o.actuatorgroupdisable as i32),
+    ];
+    for (name, x) in numbers {
+        out.0.insert(name, Array { shape: Vec::new(), data: ArrayData::I32(vec![x]) });
+    }
+}

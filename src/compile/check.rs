@@ -1,0 +1,473 @@
+//! What is refused before anything is computed: every problem that an element shows by itself.
+
+use std::collections::HashSet;
+
+use super::names::{self, label, suggestion};
+use crate::diagnostics::Diagnostics;
+use crate::spec::{
+    Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Options, Pair, Shape, Source, Spec, Transmission,
+    Tri,
+};
+
+/// One element under examination.
+struct Element<'a> {
+    label: String,
+    source: &'a Source,
+    diagnostics: &'a mut Diagnostics,
+}
+
+impl Element<'_> {
+    fn refuse(&mut self, message: impl Into<String>, remedy: impl Into<String>) {
+        self.diagnostics.push(self.source, self.label.clone(), message, remedy);
+    }
+
+    /// Refuses NaN and infinity; whether all numbers are finite.
+    fn finite(&mut self, attribute: &str, values: &[f64]) -> bool {
+        let ok = values.iter().all(|x| x.is_finite());
+        if !ok {
+            self.refuse(format!("{attribute} is not finite"), "give finite numbers");
+        }
+        ok
+    }
+
+    fn not_negative(&mut self, attribute: &str, values: &[f64]) {
+        if self.finite(attribute, values)
+            && let Some(x) = values.iter().find(|&&x| x < 0.0)
+        {
+            self.refuse(format!("{attribute} is negative: {x}"), "give 0 or more");
+        }
+    }
+
+    fn quat(&mut self, attribute: &str, quat: &[f64]) {
+        if self.finite(attribute, quat) {
+            let norm = quat.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if norm < 1e-15 || !norm.is_finite() {
+                self.refuse(format!("{attribute} has no direction"), "give a quaternion of length one");
+            }
+        }
+    }
+
+    fn pose(&mut self, pos: &[f64; 3], quat: &[f64; 4]) {
+        self.finite("pos", pos);
+        self.quat("quat", quat);
+    }
+
+    fn solref(&mut self, attribute: &str, solref: &[f64; 2]) {
+        if self.finite(attribute, solref) && (solref[0] > 0.0) != (solref[1] > 0.0) {
+            self.refuse(
+                format!("{attribute} mixes its two forms: {} {}", solref[0], solref[1]),
+                "give two positive numbers (time constant, damping ratio) or none (-stiffness, -damping)",
+            );
+        }
+    }
+
+    fn condim(&mut self, condim: i32) {
+        if ![1, 3, 4, 6].contains(&condim) {
+            self.refuse(format!("condim is {condim}"), "use 1, 3, 4 or 6");
+        }
+    }
+
+    /// Whether a range is in force; refuses ranges that cannot be. `0 0` counts as not given.
+    fn range(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) -> bool {
+        let given = range.filter(|r| *r != [0.0, 0.0]);
+        if let Some(range) = &given
+            && !self.finite(attribute, range)
+        {
+            return false;
+        }
+        if flag == Tri::Auto && given.is_some() && !autolimits {
+            self.refuse(
+                format!("{attribute} without {limited}, and autolimits is off"),
+                format!("set {limited}, or autolimits=\"true\""),
+            );
+            return false;
+        }
+        let on = is_limited(range, flag);
+        if on && given.is_none_or(|[lo, hi]| lo >= hi) {
+            let [lo, hi] = range.unwrap_or_default();
+            self.refuse(format!("{attribute} is empty: {lo} {hi}"), format!("give {attribute} as lower upper"));
+            return false;
+        }
+        on
+    }
+}
+
+/// Whether a range is in force: if the flag says so, or says nothing and there is a range other than `0 0`.
+pub(crate) fn is_limited(range: Option<[f64; 2]>, flag: Tri) -> bool {
+    match flag {
+        Tri::True => true,
+        Tri::False => false,
+        Tri::Auto => range.is_some_and(|r| r != [0.0, 0.0]),
+    }
+}
+
+/// Adds every problem of `spec`. Whether bodies form a tree, so that later passes may walk it.
+pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
+    let tree = check_tree(spec, diagnostics);
+    names::check_unique(spec, diagnostics);
+    check_options(&spec.option, diagnostics);
+    check_compiler(spec, diagnostics);
+    let moving = if tree { moving(spec) } else { vec![false; spec.bodies.len()] };
+    let (mut joint, mut geom, mut site) = (0, 0, 0);
+    for (i, body) in spec.bodies.iter().enumerate() {
+        check_body(spec, i, body, diagnostics);
+        for j in &body.joints {
+            check_joint(j, joint, spec.compiler.autolimits, diagnostics);
+            joint += 1;
+        }
+        for g in &body.geoms {
+            check_geom(g, geom, moving[i], diagnostics);
+            geom += 1;
+        }
+        for s in &body.sites {
+            let label = label("site", &s.name, site);
+            let mut element = Element { label, source: &s.source, diagnostics };
+            element.pose(&s.pos, &s.quat);
+            check_size(&mut element, s.shape, &s.size);
+            site += 1;
+        }
+    }
+    check_contact(spec, diagnostics);
+    check_actuators(spec, diagnostics);
+    check_keys(spec, diagnostics);
+    tree
+}
+
+fn check_tree(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
+    let Some(world) = spec.bodies.first() else {
+        diagnostics.push(&Source::default(), "", "there is no world body", "start from Spec::new");
+        return false;
+    };
+    let mut tree = true;
+    if !world.joints.is_empty() || world.inertial.is_some() || world.mocap {
+        diagnostics.push(&world.source, "world", "the world cannot move", "put joints into bodies");
+        tree = false;
+    }
+    for (i, body) in spec.bodies.iter().enumerate().skip(1) {
+        if body.parent >= i {
+            let label = label("body", &body.name, i);
+            diagnostics.push(&body.source, label, "comes before its parent", "add parents first");
+            tree = false;
+        }
+    }
+    tree
+}
+
+/// Which bodies have a joint on their path to the world.
+fn moving(spec: &Spec) -> Vec<bool> {
+    let mut moving = vec![false; spec.bodies.len()];
+    for (i, body) in spec.bodies.iter().enumerate().skip(1) {
+        moving[i] = moving[body.parent] || !body.joints.is_empty();
+    }
+    moving
+}
+
+fn check_options(o: &Options, diagnostics: &mut Diagnostics) {
+    let source = Source::default();
+    let mut option = Element { label: "option".into(), source: &source, diagnostics };
+    if !(o.timestep > 0.0 && o.timestep.is_finite()) {
+        option.refuse(format!("timestep is {}", o.timestep), "give a positive time step");
+    }
+    option.finite("gravity", &o.gravity);
+    option.finite("wind", &o.wind);
+    option.finite("magnetic", &o.magnetic);
+    for (name, x) in [("density", o.density), ("viscosity", o.viscosity)] {
+        if option.finite(name, &[x]) && x != 0.0 {
+            option.refuse(format!("{name} {x}: fluid forces are not supported yet"), format!("remove {name}"));
+        }
+    }
+    if !(o.impratio > 0.0 && o.impratio.is_finite()) {
+        option.refuse(format!("impratio is {}", o.impratio), "give a positive number");
+    }
+    option.not_negative("tolerance", &[o.tolerance]);
+    option.not_negative("ls_tolerance", &[o.ls_tolerance]);
+    option.not_negative("noslip_tolerance", &[o.noslip_tolerance]);
+    option.not_negative("ccd_tolerance", &[o.ccd_tolerance]);
+    option.finite("o_margin", &[o.o_margin]);
+    option.solref("o_solref", &o.o_solref);
+    option.finite("o_solimp", &o.o_solimp);
+    option.not_negative("o_friction", &o.o_friction);
+}
+
+fn check_compiler(spec: &Spec, diagnostics: &mut Diagnostics) {
+    let c = &spec.compiler;
+    let source = Source::default();
+    let mut compiler = Element { label: "compiler".into(), source: &source, diagnostics };
+    compiler.not_negative("boundmass", &[c.boundmass]);
+    compiler.not_negative("boundinertia", &[c.boundinertia]);
+    compiler.finite("settotalmass", &[c.settotalmass]);
+}
+
+fn check_body(spec: &Spec, index: usize, body: &Body, diagnostics: &mut Diagnostics) {
+    let mut element = Element { label: label("body", &body.name, index), source: &body.source, diagnostics };
+    element.pose(&body.pos, &body.quat);
+    element.finite("gravcomp", &[body.gravcomp]);
+    if body.mocap && index > 0 && (body.parent != 0 || !body.joints.is_empty()) {
+        element.refuse("a mocap body must be a child of the world without joints", "move it or drop mocap");
+    }
+    let free = body.joints.iter().any(|j| j.kind == JointKind::Free);
+    if free && body.parent != 0 {
+        element.refuse("a free joint is only allowed in a child of the world", "move the body to the top level");
+    }
+    let dofs: usize = body.joints.iter().map(|j| dof_count(j.kind)).sum();
+    if dofs > 6 {
+        let hint = if free { "a free joint must be alone in its body" } else { "put joints into several bodies" };
+        element.refuse(format!("has {dofs} degrees of freedom, at most 6 are possible"), hint);
+    }
+    let mut ball = false;
+    for joint in &body.joints {
+        if ball && matches!(joint.kind, JointKind::Ball | JointKind::Hinge) {
+            element.refuse("a ball joint is followed by a rotation", "it adds nothing: remove one of the two");
+            break;
+        }
+        ball |= joint.kind == JointKind::Ball;
+    }
+    if let Some(inertial) = &body.inertial {
+        let label = format!("inertial of {}", label("body", &spec.bodies[index].name, index));
+        let mut element = Element { label, source: &inertial.source, diagnostics: element.diagnostics };
+        element.pose(&inertial.pos, &inertial.quat);
+        element.not_negative("mass", &[inertial.mass]);
+        match &inertial.inertia {
+            Inertia::Diagonal(d) => element.not_negative("diaginertia", d),
+            Inertia::Full(f) => {
+                element.finite("fullinertia", f);
+            }
+        }
+    }
+}
+
+/// Degrees of freedom of a joint.
+pub(crate) fn dof_count(kind: JointKind) -> usize {
+    match kind {
+        JointKind::Free => 6,
+        JointKind::Ball => 3,
+        JointKind::Slide | JointKind::Hinge => 1,
+    }
+}
+
+/// Positions of a joint.
+pub(crate) fn qpos_count(kind: JointKind) -> usize {
+    match kind {
+        JointKind::Free => 7,
+        JointKind::Ball => 4,
+        JointKind::Slide | JointKind::Hinge => 1,
+    }
+}
+
+fn check_joint(joint: &Joint, index: usize, autolimits: bool, diagnostics: &mut Diagnostics) {
+    let mut element = Element { label: label("joint", &joint.name, index), source: &joint.source, diagnostics };
+    let scalar = matches!(joint.kind, JointKind::Slide | JointKind::Hinge);
+    element.finite("pos", &joint.pos);
+    if scalar && element.finite("axis", &joint.axis) {
+        let norm = joint.axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if norm < 1e-14 || !norm.is_finite() {
+            element.refuse("axis has no direction", "give an axis of length one");
+        }
+    }
+    element.finite("ref", &[joint.reference]);
+    element.finite("springref", &[joint.springref]);
+    element.finite("stiffness", &joint.stiffness);
+    element.finite("damping", &joint.damping);
+    element.not_negative("damping", &joint.damping[..1]);
+    element.not_negative("armature", &[joint.armature]);
+    element.not_negative("frictionloss", &[joint.frictionloss]);
+    if element.finite("springdamper", &joint.springdamper)
+        && joint.springdamper != [0.0; 2]
+        && joint.springdamper.iter().any(|&x| x <= 0.0)
+    {
+        element.refuse("springdamper needs two positive numbers", "give time constant and damping ratio");
+    }
+    element.finite("margin", &[joint.margin]);
+    element.solref("solreflimit", &joint.solreflimit);
+    element.solref("solreffriction", &joint.solreffriction);
+    element.finite("solimplimit", &joint.solimplimit);
+    element.finite("solimpfriction", &joint.solimpfriction);
+    if joint.kind != JointKind::Free {
+        let on = element.range("range", "limited", joint.range, joint.limited, autolimits);
+        let lower = joint.range.map_or(0.0, |r| r[0]);
+        if on && joint.kind == JointKind::Ball && lower != 0.0 {
+            element.refuse(format!("the range of a ball joint starts at {lower}"), "give 0 and the largest angle");
+        }
+    }
+    if scalar {
+        let (range, flag) = (joint.actuatorfrcrange, joint.actuatorfrclimited);
+        element.range("actuatorfrcrange", "actuatorfrclimited", range, flag, autolimits);
+    }
+}
+
+fn check_size(element: &mut Element, shape: Shape, size: &[f64; 3]) {
+    let used = match shape {
+        Shape::Plane => 0,
+        Shape::Sphere => 1,
+        Shape::Capsule | Shape::Cylinder => 2,
+        Shape::Ellipsoid | Shape::Box => 3,
+    };
+    if element.finite("size", size)
+        && let Some(i) = (0..used).find(|&i| size[i] <= 0.0)
+    {
+        element.refuse(format!("size {i} must be positive, it is {}", size[i]), format!("give {used} positive sizes"));
+    }
+}
+
+fn check_geom(geom: &Geom, index: usize, moving: bool, diagnostics: &mut Diagnostics) {
+    let mut element = Element { label: label("geom", &geom.name, index), source: &geom.source, diagnostics };
+    element.pose(&geom.pos, &geom.quat);
+    check_size(&mut element, geom.shape, &geom.size);
+    match geom.mass {
+        GeomMass::Mass(mass) => element.not_negative("mass", &[mass]),
+        GeomMass::Density(density) => element.not_negative("density", &[density]),
+    }
+    if geom.shape == Shape::Plane && moving {
+        element.refuse("a plane cannot move", "attach it to the world, or use a thin box");
+    }
+    element.condim(geom.condim);
+    element.not_negative("friction", &geom.friction);
+    element.finite("solmix", &[geom.solmix]);
+    element.solref("solref", &geom.solref);
+    element.finite("solimp", &geom.solimp);
+    element.finite("margin", &[geom.margin]);
+    element.finite("gap", &[geom.gap]);
+}
+
+fn check_contact(spec: &Spec, diagnostics: &mut Diagnostics) {
+    let geoms: HashSet<&str> = spec.bodies.iter().flat_map(|b| &b.geoms).map(|g| g.name.as_str()).collect();
+    for (i, pair) in spec.pairs.iter().enumerate() {
+        check_pair(pair, i, &geoms, spec, diagnostics);
+    }
+    let bodies: HashSet<&str> = spec.bodies.iter().map(|b| b.name.as_str()).collect();
+    for (i, exclude) in spec.excludes.iter().enumerate() {
+        let label = label("exclude", &exclude.name, i);
+        let mut element = Element { label, source: &exclude.source, diagnostics };
+        for (attribute, name) in [("body1", &exclude.body1), ("body2", &exclude.body2)] {
+            if name.is_empty() {
+                element.refuse(format!("{attribute} is missing"), "name a body");
+            } else if !bodies.contains(name.as_str()) {
+                let hint = suggestion(name, spec.bodies.iter().map(|b| b.name.as_str()));
+                element.refuse(format!("{attribute} names an unknown body \"{name}\""), hint);
+            }
+        }
+    }
+}
+
+fn check_pair(pair: &Pair, index: usize, geoms: &HashSet<&str>, spec: &Spec, diagnostics: &mut Diagnostics) {
+    let mut element = Element { label: label("pair", &pair.name, index), source: &pair.source, diagnostics };
+    for (attribute, name) in [("geom1", &pair.geom1), ("geom2", &pair.geom2)] {
+        if name.is_empty() {
+            element.refuse(format!("{attribute} is missing"), "name a geom");
+        } else if !geoms.contains(name.as_str()) {
+            let hint = suggestion(name, spec.bodies.iter().flat_map(|b| &b.geoms).map(|g| g.name.as_str()));
+            element.refuse(format!("{attribute} names an unknown geom \"{name}\""), hint);
+        }
+    }
+    if pair.geom1 == pair.geom2 && !pair.geom1.is_empty() {
+        element.refuse(format!("geom \"{}\" is paired with itself", pair.geom1), "name two geoms");
+    }
+    element.condim(pair.condim);
+    element.not_negative("friction", &pair.friction);
+    element.solref("solref", &pair.solref);
+    element.solref("solreffriction", &pair.solreffriction);
+    element.finite("solimp", &pair.solimp);
+    element.finite("margin", &[pair.margin]);
+    element.finite("gap", &[pair.gap]);
+}
+
+fn check_actuators(spec: &Spec, diagnostics: &mut Diagnostics) {
+    let joints = || spec.bodies.iter().flat_map(|b| &b.joints);
+    let by_name: std::collections::HashMap<&str, &Joint> = joints().map(|j| (j.name.as_str(), j)).collect();
+    for (i, actuator) in spec.actuators.iter().enumerate() {
+        let (Transmission::Joint(target) | Transmission::JointInParent(target)) = &actuator.transmission;
+        let joint = if target.is_empty() { None } else { by_name.get(target.as_str()).copied() };
+        let label = label("actuator", &actuator.name, i);
+        let mut element = Element { label, source: &actuator.source, diagnostics };
+        if target.is_empty() {
+            element.refuse("acts on nothing", "name a joint");
+        } else if joint.is_none() {
+            let hint = suggestion(target, joints().map(|j| j.name.as_str()));
+            element.refuse(format!("acts on an unknown joint \"{target}\""), hint);
+        }
+        check_actuator(actuator, joint, spec.compiler.autolimits, &mut element);
+    }
+}
+
+fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element: &mut Element) {
+    element.finite("gear", &a.gear);
+    element.finite("gainprm", &a.gainprm);
+    element.finite("biasprm", &a.biasprm);
+    element.not_negative("dampratio", &[a.dampratio]);
+    element.not_negative("armature", &[a.armature]);
+    element.finite("damping", &a.damping);
+    element.not_negative("damping", &a.damping[..1]);
+    element.not_negative("inheritrange", &[a.inheritrange]);
+    if a.inheritrange > 0.0 {
+        if a.ctrlrange.is_some() {
+            element.refuse("has both ctrlrange and inheritrange", "keep one of them");
+        }
+        if let Some(joint) = joint {
+            if !matches!(joint.kind, JointKind::Hinge | JointKind::Slide) {
+                element.refuse("inheritrange needs a hinge or slide joint", "give ctrlrange");
+            } else if joint.range.is_none_or(|[lo, hi]| lo >= hi) {
+                let message = format!("inheritrange, but joint \"{}\" has no range", joint.name);
+                element.refuse(message, "give the joint a range");
+            }
+        }
+    } else {
+        element.range("ctrlrange", "ctrllimited", a.ctrlrange, a.ctrllimited, autolimits);
+    }
+    element.range("forcerange", "forcelimited", a.forcerange, a.forcelimited, autolimits);
+}
+
+fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
+    let kinds: Vec<JointKind> = joint_kinds(spec);
+    let nq: usize = kinds.iter().map(|&k| qpos_count(k)).sum();
+    let nv: usize = kinds.iter().map(|&k| dof_count(k)).sum();
+    let nmocap = spec.bodies.iter().filter(|b| b.mocap).count();
+    for (i, key) in spec.keys.iter().enumerate() {
+        let label = label("key", &key.name, i);
+        let mut element = Element { label, source: &key.source, diagnostics };
+        check_key(key, [nq, nv, spec.actuators.len(), nmocap], &kinds, &mut element);
+    }
+}
+
+/// Kinds of all joints, in the order of their positions in `qpos`.
+fn joint_kinds(spec: &Spec) -> Vec<JointKind> {
+    super::order::preorder(spec).into_iter().flat_map(|b| spec.bodies[b].joints.iter().map(|j| j.kind)).collect()
+}
+
+fn check_key(key: &Key, [nq, nv, nu, nmocap]: [usize; 4], kinds: &[JointKind], element: &mut Element) {
+    element.finite("time", &[key.time]);
+    let fields = [
+        ("qpos", &key.qpos, nq),
+        ("qvel", &key.qvel, nv),
+        ("act", &key.act, 0),
+        ("ctrl", &key.ctrl, nu),
+        ("mpos", &key.mpos, 3 * nmocap),
+        ("mquat", &key.mquat, 4 * nmocap),
+    ];
+    let mut sound = true;
+    for (name, values, n) in fields {
+        let Some(values) = values else { continue };
+        if values.len() != n {
+            let message = format!("{name} has {} numbers, the model needs {n}", values.len());
+            element.refuse(message, format!("give {n} numbers"));
+            sound = false;
+        }
+        sound &= element.finite(name, values);
+    }
+    if !sound {
+        return;
+    }
+    if let Some(qpos) = &key.qpos {
+        let mut at = 0;
+        for &kind in kinds {
+            match kind {
+                JointKind::Free => element.quat("qpos", &qpos[at + 3..at + 7]),
+                JointKind::Ball => element.quat("qpos", &qpos[at..at + 4]),
+                _ => {}
+            }
+            at += qpos_count(kind);
+        }
+    }
+    for quat in key.mquat.iter().flat_map(|m| m.chunks_exact(4)) {
+        element.quat("mquat", quat);
+    }
+}

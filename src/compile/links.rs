@@ -1,0 +1,131 @@
+//! Links: bodies with joints, and all that is fixed to them.
+
+use glam::DVec3;
+use lanesim_kernels::model::{Link, NONE, Span};
+
+use super::inertia::{self, Mass};
+use super::order::Scene;
+use super::pose::{Pose, row_major};
+use crate::model::{Placement, Placements};
+
+/// The links of a scene, and where everything else is on them.
+pub(crate) struct Links {
+    pub links: Vec<Link<f64>>,
+    /// First link of every tree.
+    pub tree_root: Vec<u32>,
+    /// Link that carries each body, or [`NONE`].
+    pub body_link: Vec<u32>,
+    /// Pose of each body in its link, or in the world.
+    pub body_pose: Vec<Pose>,
+    /// Mocap body that each still body is fixed to.
+    body_mocap: Vec<Option<u32>>,
+}
+
+impl Links {
+    pub fn new(scene: &Scene) -> Links {
+        let mut out = Links {
+            links: Vec::new(),
+            tree_root: Vec::new(),
+            body_link: Vec::with_capacity(scene.bodies.len()),
+            body_pose: Vec::with_capacity(scene.bodies.len()),
+            body_mocap: Vec::with_capacity(scene.bodies.len()),
+        };
+        let mut carried: Vec<Vec<(Mass, f64)>> = Vec::new();
+        for b in 0..scene.bodies.len() {
+            out.add(scene, b, &mut carried);
+        }
+        for (link, parts) in out.links.iter_mut().zip(&carried) {
+            set_mass(link, parts);
+        }
+        out
+    }
+
+    fn add(&mut self, scene: &Scene, b: usize, carried: &mut Vec<Vec<(Mass, f64)>>) {
+        let body = &scene.bodies[b];
+        let (mut link, mut pose, mut mocap) = (NONE, body.pose, body.mocap.map(|m| m as u32));
+        if b > 0 {
+            link = self.body_link[body.parent];
+            pose = self.body_pose[body.parent].then(&body.pose);
+            mocap = mocap.or(self.body_mocap[body.parent]);
+        }
+        if !body.joints.is_empty() {
+            let new = self.links.len() as u32;
+            let tree = if link == NONE {
+                self.tree_root.push(new);
+                self.tree_root.len() as u32 - 1
+            } else {
+                self.links[link as usize].tree
+            };
+            let first = scene.joints[body.joints.start].dof;
+            let end = scene.joints.get(body.joints.end).map_or(scene.nv, |j| j.dof);
+            let rotation = pose.rotation();
+            self.links.push(Link {
+                parent: link,
+                tree,
+                body: b as u32,
+                joints: Span { start: body.joints.start as u32, len: body.joints.len() as u32 },
+                dofs: Span { start: first as u32, len: (end - first) as u32 },
+                aligned: rotation == glam::DMat3::IDENTITY,
+                diagonal: true,
+                pos: pose.pos.to_array(),
+                rot: row_major(rotation),
+                quat: pose.wxyz(),
+                mass: 0.0,
+                com: [0.0; 3],
+                inertia: [0.0; 6],
+                gravcomp: 0.0,
+                gravcomp_pos: [0.0; 3],
+            });
+            carried.push(Vec::new());
+            (link, pose, mocap) = (new, Pose::IDENTITY, None);
+        }
+        if link != NONE {
+            carried[link as usize].push((body.mass.moved(&pose), body.spec.gravcomp));
+        }
+        self.body_link.push(link);
+        self.body_pose.push(pose);
+        self.body_mocap.push(mocap);
+    }
+
+    /// Where a frame fixed to body `b` is.
+    fn place(&self, b: usize, in_body: &Pose) -> Placement {
+        let pose = self.body_pose[b].then(in_body);
+        Placement {
+            link: self.body_link[b],
+            mocap: self.body_mocap[b],
+            pos: pose.pos.to_array(),
+            quat: pose.wxyz(),
+            mat: row_major(pose.rotation()),
+        }
+    }
+
+    /// Where bodies, their inertial frames, geoms and sites are.
+    pub fn placements(&self, scene: &Scene) -> Placements {
+        Placements {
+            bodies: (0..scene.bodies.len()).map(|b| self.place(b, &Pose::IDENTITY)).collect(),
+            inertials: scene.bodies.iter().enumerate().map(|(b, body)| self.place(b, &body.mass.frame)).collect(),
+            geoms: scene.geoms.iter().map(|g| self.place(g.body, &g.pose)).collect(),
+            sites: scene.sites.iter().map(|s| self.place(s.body, &s.pose)).collect(),
+        }
+    }
+}
+
+/// Mass and inertia of a link from those of its bodies, which come with the share of their weight that is compensated.
+fn set_mass(link: &mut Link<f64>, parts: &[(Mass, f64)]) {
+    let masses: Vec<Mass> = parts.iter().map(|p| p.0).filter(|m| m.mass > 0.0 || m.inertia != DVec3::ZERO).collect();
+    let (mass, com, tensor) = inertia::total(&masses);
+    let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
+    // Products of inertia that rounding alone makes: a right angle somewhere.
+    let clean = |x: f64| if x.abs() <= 4e-16 * trace { 0.0 } else { x };
+    let products = [clean(tensor.y_axis.x), clean(tensor.z_axis.x), clean(tensor.z_axis.y)];
+    link.mass = mass;
+    link.com = com.to_array();
+    link.diagonal = products == [0.0; 3];
+    link.inertia = [tensor.x_axis.x, tensor.y_axis.y, tensor.z_axis.z, products[0], products[1], products[2]];
+    let weights = || parts.iter().map(|(m, share)| (m.mass * share, m.frame.pos));
+    link.gravcomp = weights().map(|w| w.0).sum();
+    if link.gravcomp != 0.0 {
+        let mean = weights().map(|(w, pos)| pos * w).sum::<DVec3>() / link.gravcomp;
+        link.gravcomp_pos = mean.to_array();
+    }
+}

@@ -1,0 +1,188 @@
+//! The compiler: from a [`Spec`] to a [`Model`]. It alone may refuse a model.
+//!
+//! The order of passes: check every element, number the elements and find masses ([`order`]), join bodies to links
+//! ([`links`]), derive the constants of the reference configuration ([`derived`]), and fill the tables that depend on
+//! them. Passes after the checks rely on names and sizes being right.
+
+mod actuators;
+mod arrays;
+mod check;
+mod constraints;
+mod derived;
+mod inertia;
+mod joints;
+mod keys;
+mod links;
+mod names;
+mod order;
+mod pairs;
+mod pose;
+mod report;
+mod rows;
+#[cfg(test)]
+mod tests;
+
+use lanesim_kernels::model::{self as kernel, Features, Sizes};
+use lanesim_kernels::options::Options;
+
+use crate::diagnostics::Diagnostics;
+use crate::model::{ElementNames, Model, Names, Parts, Report};
+use crate::spec::{Source, Spec};
+use actuators::Actuators;
+use links::Links;
+use order::Scene;
+
+/// Compiles a model, or says everything that is wrong with it.
+///
+/// ```
+/// use lanesim::spec::{Body, Geom, Joint, Shape, Spec};
+///
+/// let mut spec = Spec::new("pendulum");
+/// let arm = spec.add_body(0, Body { name: "arm".into(), pos: [0.0, 0.0, 1.0], ..Body::default() });
+/// spec.bodies[arm].joints.push(Joint { axis: [0.0, 1.0, 0.0], ..Joint::default() });
+/// let rod = Geom { shape: Shape::Capsule, size: [0.02, 0.25, 0.0], pos: [0.0, 0.0, -0.25], ..Geom::default() };
+/// spec.bodies[arm].geoms.push(rod);
+///
+/// let model = lanesim::compile(&spec)?;
+/// assert_eq!((model.tables().sizes.nq, model.tables().sizes.nv), (1, 1));
+/// # Ok::<(), lanesim::Diagnostics>(())
+/// ```
+pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
+    let mut diagnostics = Diagnostics::default();
+    let mut notes = spec.notes.clone();
+    if !check::check(spec, &mut diagnostics) {
+        return Err(diagnostics);
+    }
+    let scene = Scene::new(spec, &mut diagnostics, &mut notes);
+    if !diagnostics.0.is_empty() {
+        return Err(diagnostics);
+    }
+    report::compile_notes(spec, &scene, &mut notes);
+
+    let names = element_names(spec, &scene);
+    let links = Links::new(&scene);
+    let targets = actuators::targets(spec, &names.joints);
+    let reflected = actuators::reflected(spec, &targets, scene.joints.len());
+    let mut joints = joints::joints(&scene, &links);
+    let mut dofs = joints::dofs(&scene, &links, &reflected);
+    let derived = derived::Derived::new(&scene, &links, &joints, &dofs);
+    for (j, stiffness, damping) in constraints::springdampers(&scene, &derived.dof_invweight0) {
+        joints[j].stiffness = [stiffness, 0.0, 0.0];
+        joints[j].spring = true;
+        let joint = &scene.joints[j];
+        for dof in &mut dofs[joint.dof..joint.dof + check::dof_count(joint.spec.kind)] {
+            joints::set_damping(dof, [damping, 0.0, 0.0], &reflected[j]);
+        }
+    }
+    let actuators = actuators::actuators(spec, &scene, &targets, &joints, &derived);
+    let weights = &derived.body_invweight0;
+    let pairs = pairs::pairs(spec, &scene, &links, &dofs, weights, &names.geoms, &mut diagnostics);
+    let (rows, nm) = rows::skyline(&dofs, &pairs.pairs, &pairs.dofs).unwrap_or_else(|n| {
+        let message = format!("{n} degrees of freedom are coupled: the inertia matrix is too large");
+        diagnostics.push(
+            &Source::default(),
+            "",
+            message,
+            "split the model, or separate geoms with contype and conaffinity",
+        );
+        Default::default()
+    });
+    diagnostics.into_result()?;
+
+    let keys = keys::keys(spec, &scene);
+    let tables = kernel::Model {
+        sizes: sizes(&scene, &links, &actuators, &pairs, nm),
+        options: spec.option.clone(),
+        features: features(&spec.option, &links, &joints, &dofs, &actuators),
+        joints,
+        dofs,
+        geoms: pairs.geoms,
+        pairs: pairs.pairs,
+        pair_dofs: pairs.dofs,
+        limits: constraints::limits(&spec.option, &scene, &derived.dof_invweight0),
+        friction_losses: constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0),
+        actuators: actuators.table.clone(),
+        rows,
+        tree_pattern: Default::default(),
+        mean_inertia: mean(&derived.dof_m0),
+        qpos0: joints::qpos0(&scene),
+        gravity: if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] },
+        tree_root: links.tree_root.clone(),
+        links: links.links.clone(),
+    };
+    let tables = kernel::Model { tree_pattern: rows::tree_pattern(&tables.dofs), ..tables };
+    let arrays = arrays::arrays(&arrays::Sources {
+        spec,
+        scene: &scene,
+        links: &links,
+        tables: &tables,
+        derived: &derived,
+        actuators: &actuators,
+        geom_names: &names.geoms,
+        keys: &keys,
+    });
+    Ok(Model::new(Parts {
+        name: spec.name.clone(),
+        tables,
+        names,
+        placements: links.placements(&scene),
+        keys,
+        arrays,
+        counts: report::counts(spec, &scene, &links),
+        report: Report { notes, losses: spec.losses.clone() },
+    }))
+}
+
+fn mean(values: &[f64]) -> f64 {
+    if values.is_empty() { 1.0 } else { values.iter().sum::<f64>() / values.len() as f64 }
+}
+
+fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
+    ElementNames {
+        bodies: Names::new(scene.bodies.iter().map(|b| b.spec.name.clone()).collect()),
+        joints: Names::new(scene.joints.iter().map(|j| j.spec.name.clone()).collect()),
+        geoms: Names::new(scene.geoms.iter().map(|g| g.spec.name.clone()).collect()),
+        sites: Names::new(scene.sites.iter().map(|s| s.spec.name.clone()).collect()),
+        actuators: Names::new(spec.actuators.iter().map(|a| a.name.clone()).collect()),
+        keys: Names::new(spec.keys.iter().map(|k| k.name.clone()).collect()),
+    }
+}
+
+fn sizes(scene: &Scene, links: &Links, actuators: &Actuators, pairs: &pairs::Pairs, nm: usize) -> Sizes {
+    Sizes {
+        nq: scene.nq,
+        nv: scene.nv,
+        nu: actuators.table.len(),
+        na: 0,
+        nbody: scene.bodies.len(),
+        njnt: scene.joints.len(),
+        ngeom: scene.geoms.len(),
+        nsite: scene.sites.len(),
+        nmocap: scene.nmocap,
+        nlink: links.links.len(),
+        ntree: links.tree_root.len(),
+        npair: pairs.pairs.len(),
+        nslot: pairs.nslot,
+        nm,
+    }
+}
+
+fn features(
+    options: &Options,
+    links: &Links,
+    joints: &[kernel::Joint<f64>],
+    dofs: &[kernel::Dof<f64>],
+    actuators: &Actuators,
+) -> Features {
+    let flags = &options.flags;
+    let damped = dofs.iter().any(|d| d.damped);
+    let weight = flags.gravity && options.gravity != [0.0; 3];
+    Features {
+        springs: flags.spring && joints.iter().any(|j| j.spring),
+        dampers: flags.damper && damped,
+        // Without springs and dampers there are no passive forces at all.
+        gravcomp: weight && (flags.spring || flags.damper) && links.links.iter().any(|l| l.gravcomp != 0.0),
+        actuation: flags.actuation && !actuators.table.is_empty(),
+        implicit_damping: damped && flags.damper && flags.eulerdamp,
+    }
+}

@@ -1,0 +1,392 @@
+//! Pairs of geoms that may touch, and what governs their contacts.
+
+use std::collections::{HashMap, HashSet};
+
+use lanesim_kernels::model::{Dof, Geom, NONE, Pair, PairDof, Shape, Span};
+use lanesim_kernels::options::Options;
+
+use super::constraints::impedance;
+use super::links::Links;
+use super::order::{Placed, Scene};
+use super::pose::row_major;
+use crate::diagnostics::Diagnostics;
+use crate::model::Names;
+use crate::spec::{self, Source, Spec};
+
+/// Most pairs of a model.
+const MAX_PAIRS: usize = 4_000_000;
+/// Most entries of the table of pairs' dofs.
+const MAX_PAIR_DOFS: usize = 1 << 25;
+const MINVAL: f64 = 1e-15;
+const MINMU: f64 = 1e-5;
+
+/// The tables of collision.
+#[derive(Default)]
+pub(crate) struct Pairs {
+    pub geoms: Vec<Geom<f64>>,
+    pub pairs: Vec<Pair<f64>>,
+    pub dofs: Vec<PairDof>,
+    pub nslot: usize,
+}
+
+/// What two geoms agree on for their contacts.
+struct Contact {
+    condim: i32,
+    friction: [f64; 5],
+    solref: [f64; 2],
+    solreffriction: [f64; 2],
+    solimp: [f64; 5],
+    margin: f64,
+    gap: f64,
+}
+
+/// Finds the pairs. Problems: too many of them.
+pub(crate) fn pairs(
+    spec: &Spec,
+    scene: &Scene,
+    links: &Links,
+    dofs: &[Dof<f64>],
+    body_invweight0: &[[f64; 2]],
+    geom_names: &Names,
+    diagnostics: &mut Diagnostics,
+) -> Pairs {
+    let mut out = Pairs::default();
+    if !spec.option.flags.contact || !spec.option.flags.constraint {
+        return out;
+    }
+    let explicit = explicit(spec, geom_names);
+    let replaced: HashSet<(usize, usize)> = explicit.iter().map(|&(a, b, _)| (a, b)).collect();
+    let Some(automatic) = automatic(spec, scene, links) else {
+        diagnostics.push(
+            &Source::default(),
+            "contact",
+            format!("more than {MAX_PAIRS} pairs of geoms can touch"),
+            "separate geoms with contype and conaffinity, or disable contact",
+        );
+        return out;
+    };
+    let mut candidates: Vec<(usize, usize, Option<&spec::Pair>)> =
+        automatic.into_iter().filter(|pair| !replaced.contains(pair)).map(|(a, b)| (a, b, None)).collect();
+    candidates.extend(explicit);
+    candidates.sort_by_key(|&(a, b, _)| (a, b));
+
+    let mut table = GeomTable { entry: vec![NONE; scene.geoms.len()], geoms: Vec::new() };
+    let mut chains = Chains { dofs, links, known: HashMap::new(), list: Vec::new() };
+    for (a, b, written) in candidates {
+        let (ga, gb) = (&scene.geoms[a], &scene.geoms[b]);
+        let (la, lb) = (links.body_link[ga.body], links.body_link[gb.body]);
+        if la == lb || (ga.spec.shape == spec::Shape::Plane && gb.spec.shape == spec::Shape::Plane) {
+            continue;
+        }
+        let (one, two) = if (ga.spec.shape, a) <= (gb.spec.shape, b) { (a, b) } else { (b, a) };
+        let (g1, g2) = (&scene.geoms[one], &scene.geoms[two]);
+        let contact = match written {
+            Some(pair) => of_pair(pair),
+            None => mix(g1.spec, g2.spec),
+        };
+        let contact = overridden(&spec.option, contact);
+        let (link1, link2) = (links.body_link[g1.body], links.body_link[g2.body]);
+        let Some((span, cross)) = chains.between(link1, link2) else {
+            diagnostics.push(
+                &Source::default(),
+                "contact",
+                format!("the pairs of moving geoms involve more than {MAX_PAIR_DOFS} degrees of freedom in all"),
+                "separate geoms with contype and conaffinity, or exclude bodies",
+            );
+            return out;
+        };
+        let slots = slots(g1.spec.shape, g2.spec.shape, spec.option.flags.multiccd);
+        let (w1, w2) = (body_invweight0[g1.body], body_invweight0[g2.body]);
+        out.pairs.push(Pair {
+            geom1: table.entry(scene, links, one),
+            geom2: table.entry(scene, links, two),
+            link1,
+            link2,
+            condim: contact.condim as u32,
+            slots: Span { start: out.nslot as u32, len: slots as u32 },
+            dofs: span,
+            cross,
+            margin: contact.margin,
+            include: contact.margin + contact.gap,
+            friction: contact.friction.map(|x| x.max(MINMU)),
+            impedance: impedance(&spec.option, contact.solref, contact.solimp),
+            friction_b: impedance(&spec.option, contact.solreffriction, contact.solimp).b,
+            invweight: w1[0] + w2[0],
+            invweight_rot: w1[1] + w2[1],
+        });
+        out.nslot += slots;
+    }
+    out.geoms = table.geoms;
+    out.dofs = chains.list;
+    out
+}
+
+/// Explicit pairs, geoms in ascending order. Names have been checked.
+fn explicit<'a>(spec: &'a Spec, names: &Names) -> Vec<(usize, usize, Option<&'a spec::Pair>)> {
+    let resolve = |pair: &'a spec::Pair| {
+        let (a, b) = (names.id(&pair.geom1)?, names.id(&pair.geom2)?);
+        Some((a.min(b), a.max(b), Some(pair)))
+    };
+    spec.pairs.iter().filter_map(resolve).collect()
+}
+
+/// Geoms of one body with the same masks: what the filters cannot tell apart.
+struct Group {
+    body: usize,
+    contype: u32,
+    conaffinity: u32,
+    geoms: Vec<usize>,
+}
+
+/// Pairs that the filters let through, in ascending order within; `None` if there are too many.
+fn automatic(spec: &Spec, scene: &Scene, links: &Links) -> Option<Vec<(usize, usize)>> {
+    let weld = weld_groups(scene);
+    let excluded = excluded(spec, scene);
+    let mut groups: Vec<Group> = Vec::new();
+    for (g, geom) in scene.geoms.iter().enumerate() {
+        let (contype, conaffinity) = (geom.spec.contype, geom.spec.conaffinity);
+        if contype == 0 && conaffinity == 0 {
+            continue;
+        }
+        // A body's geoms are together: look back only as far as its own groups.
+        let same = |x: &&mut Group| x.contype == contype && x.conaffinity == conaffinity;
+        let own = groups.iter_mut().rev().take_while(|x| x.body == geom.body).find(same);
+        match own {
+            Some(group) => group.geoms.push(g),
+            None => groups.push(Group { body: geom.body, contype, conaffinity, geoms: vec![g] }),
+        }
+    }
+    let moves = |group: &Group| links.body_link[group.body] != NONE;
+    let (moving, still): (Vec<&Group>, Vec<&Group>) = groups.iter().partition(|g| moves(g));
+    let parent_of = |w: usize| weld[scene.bodies[w].parent];
+    let allowed = |a: &Group, b: &Group| {
+        if (a.contype & b.conaffinity) | (b.contype & a.conaffinity) == 0 {
+            return false;
+        }
+        let (wa, wb) = (weld[a.body], weld[b.body]);
+        if wa == wb {
+            return false;
+        }
+        if spec.option.flags.filterparent && wa != 0 && wb != 0 && (wa == parent_of(wb) || wb == parent_of(wa)) {
+            return false;
+        }
+        !excluded.contains(&(a.body.min(b.body), a.body.max(b.body)))
+    };
+    let mut pairs = Vec::new();
+    for (i, a) in moving.iter().enumerate() {
+        for b in moving[i + 1..].iter().chain(&still) {
+            if !allowed(a, b) {
+                continue;
+            }
+            if pairs.len() + a.geoms.len() * b.geoms.len() > MAX_PAIRS {
+                return None;
+            }
+            for &x in &a.geoms {
+                pairs.extend(b.geoms.iter().map(|&y| (x.min(y), x.max(y))));
+            }
+        }
+    }
+    Some(pairs)
+}
+
+/// The body that leads each body's weld group: the nearest with joints, a mocap body, or the world.
+pub(crate) fn weld_groups(scene: &Scene) -> Vec<usize> {
+    let mut weld = Vec::with_capacity(scene.bodies.len());
+    for (b, body) in scene.bodies.iter().enumerate() {
+        let own = b == 0 || !body.joints.is_empty() || body.mocap.is_some();
+        weld.push(if own { b } else { weld[body.parent] });
+    }
+    weld
+}
+
+/// Pairs of bodies that an exclude names, in ascending order within.
+pub(crate) fn excluded(spec: &Spec, scene: &Scene) -> HashSet<(usize, usize)> {
+    exclude_ids(spec, scene).into_iter().collect()
+}
+
+/// The bodies of each exclude, in ascending order within.
+pub(crate) fn exclude_ids(spec: &Spec, scene: &Scene) -> Vec<(usize, usize)> {
+    if spec.excludes.is_empty() {
+        return Vec::new();
+    }
+    let ids: HashMap<&str, usize> =
+        scene.bodies.iter().enumerate().map(|(b, body)| (body.spec.name.as_str(), b)).collect();
+    let resolve = |e: &spec::Exclude| {
+        let (a, b) = (*ids.get(e.body1.as_str())?, *ids.get(e.body2.as_str())?);
+        Some((a.min(b), a.max(b)))
+    };
+    spec.excludes.iter().filter_map(resolve).collect()
+}
+
+/// Most contacts of a pair of shapes, the first of which sorts first.
+fn slots(one: spec::Shape, two: spec::Shape, multiccd: bool) -> usize {
+    use spec::Shape::*;
+    match (one, two) {
+        (Plane, Capsule) | (Capsule, Capsule) | (Capsule, Box) => 2,
+        (Plane, Cylinder) | (Plane, Box) => 4,
+        (Box, Box) => 8,
+        (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) => 1,
+        _ if multiccd => 5,
+        _ => 1,
+    }
+}
+
+/// Parameters of an explicit pair.
+fn of_pair(p: &spec::Pair) -> Contact {
+    Contact {
+        condim: p.condim,
+        friction: p.friction,
+        solref: p.solref,
+        solreffriction: if p.solreffriction == [0.0; 2] { p.solref } else { p.solreffriction },
+        solimp: p.solimp,
+        margin: p.margin,
+        gap: p.gap,
+    }
+}
+
+/// Parameters that two geoms mix.
+fn mix(a: &spec::Geom, b: &spec::Geom) -> Contact {
+    let (condim, friction, solref, solimp);
+    if a.priority != b.priority {
+        let winner = if a.priority > b.priority { a } else { b };
+        (condim, friction, solref, solimp) = (winner.condim, winner.friction, winner.solref, winner.solimp);
+    } else {
+        let weight = match (a.solmix >= MINVAL, b.solmix >= MINVAL) {
+            (true, true) => a.solmix / (a.solmix + b.solmix),
+            (false, false) => 0.5,
+            (true, false) => 1.0,
+            (false, true) => 0.0,
+        };
+        let average = |x: f64, y: f64| weight * x + (1.0 - weight) * y;
+        condim = a.condim.max(b.condim);
+        friction = std::array::from_fn(|i| a.friction[i].max(b.friction[i]));
+        solref = if a.solref[0] > 0.0 && b.solref[0] > 0.0 {
+            std::array::from_fn(|i| average(a.solref[i], b.solref[i]))
+        } else {
+            std::array::from_fn(|i| a.solref[i].min(b.solref[i]))
+        };
+        solimp = std::array::from_fn(|i| average(a.solimp[i], b.solimp[i]));
+    }
+    let [slide, spin, roll] = friction;
+    Contact {
+        condim,
+        friction: [slide, slide, spin, roll, roll],
+        solref,
+        solreffriction: solref,
+        solimp,
+        margin: a.margin + b.margin,
+        gap: a.gap + b.gap,
+    }
+}
+
+/// The parameters that the flag `override` imposes on every contact.
+fn overridden(options: &Options, contact: Contact) -> Contact {
+    if !options.flags.override_ {
+        return contact;
+    }
+    Contact {
+        friction: options.o_friction,
+        solref: options.o_solref,
+        solreffriction: options.o_solref,
+        solimp: options.o_solimp,
+        margin: options.o_margin,
+        ..contact
+    }
+}
+
+/// The geoms that take part, entered as pairs name them.
+struct GeomTable {
+    /// Entry of each MJCF geom, or [`NONE`].
+    entry: Vec<u32>,
+    geoms: Vec<Geom<f64>>,
+}
+
+impl GeomTable {
+    fn entry(&mut self, scene: &Scene, links: &Links, id: usize) -> u32 {
+        if self.entry[id] == NONE {
+            self.entry[id] = self.geoms.len() as u32;
+            self.geoms.push(geom(&scene.geoms[id], id, links));
+        }
+        self.entry[id]
+    }
+}
+
+fn geom(geom: &Placed<spec::Geom>, id: usize, links: &Links) -> Geom<f64> {
+    let pose = links.body_pose[geom.body].then(&geom.pose);
+    let rotation = pose.rotation();
+    Geom {
+        id: id as u32,
+        shape: match geom.spec.shape {
+            spec::Shape::Plane => Shape::Plane,
+            spec::Shape::Sphere => Shape::Sphere,
+            spec::Shape::Capsule => Shape::Capsule,
+            spec::Shape::Ellipsoid => Shape::Ellipsoid,
+            spec::Shape::Cylinder => Shape::Cylinder,
+            spec::Shape::Box => Shape::Box,
+        },
+        link: links.body_link[geom.body],
+        aligned: rotation == glam::DMat3::IDENTITY,
+        pos: pose.pos.to_array(),
+        rot: row_major(rotation),
+        size: geom.spec.size,
+        rbound: bounding_radius(geom.spec),
+    }
+}
+
+/// Radius of the bounding sphere about the geom's centre; 0 for planes.
+pub(crate) fn bounding_radius(geom: &spec::Geom) -> f64 {
+    let [a, b, c] = geom.size;
+    match geom.shape {
+        spec::Shape::Plane => 0.0,
+        spec::Shape::Sphere => a,
+        spec::Shape::Capsule => a + b,
+        spec::Shape::Cylinder => (a * a + b * b).sqrt(),
+        spec::Shape::Ellipsoid => a.max(b).max(c),
+        spec::Shape::Box => (a * a + b * b + c * c).sqrt(),
+    }
+}
+
+/// The dofs between pairs of links, listed once for each pair of links.
+struct Chains<'a> {
+    dofs: &'a [Dof<f64>],
+    links: &'a Links,
+    known: HashMap<(u32, u32), (Span, bool)>,
+    list: Vec<PairDof>,
+}
+
+impl Chains<'_> {
+    /// Dofs that move one of two links and not the other, ascending, and whether both have some; `None` if the table
+    /// becomes too long.
+    fn between(&mut self, link1: u32, link2: u32) -> Option<(Span, bool)> {
+        if link1 == NONE || link2 == NONE {
+            return Some((Span::default(), false));
+        }
+        if let Some(&known) = self.known.get(&(link1, link2)) {
+            return Some(known);
+        }
+        let start = self.list.len();
+        let last = |link: u32| self.links.links[link as usize].dofs.range().end as u32 - 1;
+        let (mut a, mut b) = (last(link1), last(link2));
+        let (mut first, mut second) = (false, false);
+        // The later of two dofs cannot move the other's link: walk both chains down until they meet.
+        while a != b {
+            let take_second = a == NONE || (b != NONE && b > a);
+            let dof = if take_second { b } else { a };
+            self.list.push(PairDof { dof, second: take_second });
+            let parent = self.dofs[dof as usize].parent;
+            if take_second {
+                (b, second) = (parent, true);
+            } else {
+                (a, first) = (parent, true);
+            }
+        }
+        if self.list.len() > MAX_PAIR_DOFS {
+            return None;
+        }
+        self.list[start..].reverse();
+        let span = Span { start: start as u32, len: (self.list.len() - start) as u32 };
+        let found = (span, first && second);
+        self.known.insert((link1, link2), found);
+        Some(found)
+    }
+}

@@ -1,0 +1,107 @@
+//! Storage and sparsity of the inertia matrix and of the solver's Hessian.
+
+use lanesim_kernels::model::{Dof, NONE, Pair, PairDof, Pattern, Rows, Span};
+
+/// Most entries of the storage.
+const MAX_ENTRIES: usize = 1 << 26;
+
+/// The skyline: every row starts at the lowest dof that can be coupled to it, by the tree, by contacts between branches,
+/// or by fill when dofs are eliminated from the last to the first. With it the number of entries; `Err` with the number
+/// of dofs if there are too many.
+pub(crate) fn skyline(dofs: &[Dof<f64>], pairs: &[Pair<f64>], pair_dofs: &[PairDof]) -> Result<(Rows, usize), usize> {
+    let n = dofs.len();
+    let mut first: Vec<u32> = Vec::with_capacity(n);
+    for (i, dof) in dofs.iter().enumerate() {
+        first.push(if dof.parent == NONE { i as u32 } else { first[dof.parent as usize] });
+    }
+    for pair in pairs.iter().filter(|p| p.cross) {
+        let coupled = &pair_dofs[pair.dofs.range()];
+        // Both lists ascend, so the first is the lowest.
+        let lowest = coupled[0].dof;
+        for entry in coupled {
+            let row = &mut first[entry.dof as usize];
+            *row = (*row).min(lowest);
+        }
+    }
+    let entries = |first: &[u32]| -> usize { first.iter().enumerate().map(|(i, &f)| i + 1 - f as usize).sum() };
+    if entries(&first) > MAX_ENTRIES {
+        return Err(n);
+    }
+    for k in (0..n).rev() {
+        let lowest = first[k];
+        for row in &mut first[lowest as usize..k] {
+            *row = (*row).min(lowest);
+        }
+    }
+    let total = entries(&first);
+    if total > MAX_ENTRIES {
+        return Err(n);
+    }
+    let mut start = Vec::with_capacity(n);
+    let mut offset = 0;
+    for (i, &f) in first.iter().enumerate() {
+        start.push(offset);
+        offset += i as u32 + 1 - f;
+    }
+    Ok((Rows { start, first }, total))
+}
+
+/// The ancestors of every dof, itself left out, as runs.
+pub(crate) fn tree_pattern(dofs: &[Dof<f64>]) -> Pattern {
+    let mut pattern = Pattern { runs: Vec::new(), rows: Vec::with_capacity(dofs.len()) };
+    for dof in dofs {
+        let start = pattern.runs.len();
+        if dof.parent != NONE {
+            let inherited = pattern.rows[dof.parent as usize].range();
+            pattern.runs.extend_from_within(inherited);
+            match pattern.runs[start..].last_mut() {
+                Some(run) if run.start + run.len == dof.parent => run.len += 1,
+                _ => pattern.runs.push(Span { start: dof.parent, len: 1 }),
+            }
+        }
+        pattern.rows.push(Span { start: start as u32, len: (pattern.runs.len() - start) as u32 });
+    }
+    pattern
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lanesim_kernels::model::DofKind;
+
+    fn dofs(parents: &[u32]) -> Vec<Dof<f64>> {
+        let dof = |&parent: &u32| Dof {
+            kind: DofKind::Hinge,
+            link: 0,
+            joint: 0,
+            parent,
+            damped: false,
+            damping_linear: true,
+            armature: 0.0,
+            damping: [0.0; 3],
+        };
+        parents.iter().map(dof).collect()
+    }
+
+    /// 0 - 1 - 2 and 0 - 3 - 4, then a tree of its own: 5 - 6.
+    const FOREST: [u32; 7] = [NONE, 0, 1, 0, 3, NONE, 5];
+
+    #[test]
+    fn runs_are_maximal() {
+        let pattern = tree_pattern(&dofs(&FOREST));
+        let run = |start, len| Span { start, len };
+        assert_eq!(pattern.row(0), []);
+        assert_eq!(pattern.row(2), [run(0, 2)]);
+        assert_eq!(pattern.row(3), [run(0, 1)]);
+        assert_eq!(pattern.row(4), [run(0, 1), run(3, 1)]);
+        assert_eq!(pattern.row(6), [run(5, 1)]);
+    }
+
+    #[test]
+    fn rows_start_at_the_root() {
+        let (rows, n) = skyline(&dofs(&FOREST), &[], &[]).unwrap();
+        assert_eq!(rows.first, [0, 0, 0, 0, 0, 5, 5]);
+        assert_eq!(rows.start, [0, 1, 3, 6, 10, 15, 16]);
+        assert_eq!((n, rows.at(4, 3), rows.diagonal(6)), (18, 13, 17));
+    }
+}

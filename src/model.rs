@@ -1,0 +1,265 @@
+//! The compiled model: what the kernels run, and what users ask of it by name.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, OnceLock};
+
+use lanesim_kernels::lane::Real;
+use lanesim_kernels::model::{self as kernel, Cast};
+
+use crate::diagnostics::Diagnostics;
+use crate::spec::Spec;
+
+/// A compiled model. Immutable; a clone shares everything.
+#[derive(Clone, Debug)]
+pub struct Model(Arc<Data>);
+
+#[derive(Debug)]
+struct Data {
+    name: String,
+    tables: Arc<kernel::Model<f64>>,
+    tables_f32: OnceLock<Arc<kernel::Model<f32>>>,
+    names: ElementNames,
+    placements: Placements,
+    keys: Vec<Key>,
+    arrays: BTreeMap<&'static str, Array>,
+    counts: Vec<(&'static str, usize)>,
+    report: Report,
+}
+
+/// What the compiler hands over.
+pub(crate) struct Parts {
+    pub name: String,
+    pub tables: kernel::Model<f64>,
+    pub names: ElementNames,
+    pub placements: Placements,
+    pub keys: Vec<Key>,
+    pub arrays: BTreeMap<&'static str, Array>,
+    pub counts: Vec<(&'static str, usize)>,
+    pub report: Report,
+}
+
+/// The names of one kind of element: by number and by name.
+#[derive(Clone, Debug, Default)]
+pub struct Names {
+    list: Vec<String>,
+    index: HashMap<String, usize>,
+}
+
+impl Names {
+    /// Of names in the order of the elements; empty ones are not indexed, and of equal ones the first is.
+    pub(crate) fn new(list: Vec<String>) -> Names {
+        let mut index = HashMap::with_capacity(list.len());
+        for (i, name) in list.iter().enumerate() {
+            if !name.is_empty() {
+                index.entry(name.clone()).or_insert(i);
+            }
+        }
+        Names { list, index }
+    }
+
+    /// Number of elements, named or not.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether there is no element.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Name of element `i`; empty if it has none or there is no such element.
+    pub fn name(&self, i: usize) -> &str {
+        self.list.get(i).map_or("", String::as_str)
+    }
+
+    /// Number of the element called `name`.
+    pub fn id(&self, name: &str) -> Option<usize> {
+        self.index.get(name).copied()
+    }
+
+    /// The names, in the order of the elements.
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        self.list.iter().map(String::as_str)
+    }
+}
+
+/// Names by kind of element.
+#[derive(Clone, Debug, Default)]
+pub struct ElementNames {
+    /// Bodies; body 0 is the world.
+    pub bodies: Names,
+    /// Joints.
+    pub joints: Names,
+    /// Geoms.
+    pub geoms: Names,
+    /// Sites.
+    pub sites: Names,
+    /// Actuators.
+    pub actuators: Names,
+    /// Keyframes.
+    pub keys: Names,
+}
+
+/// Where a frame is: fixed to a link, or still in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Link that carries it, or [`NONE`](kernel::NONE): it stands still, and the pose is in the world.
+    pub link: u32,
+    /// Mocap body whose pose moves it; the pose here is the one that the model was written with.
+    pub mocap: Option<u32>,
+    /// Position in the link's frame, or in the world.
+    pub pos: [f64; 3],
+    /// Orientation (w, x, y, z), likewise.
+    pub quat: [f64; 4],
+    /// The same as a matrix, row-major.
+    pub mat: [f64; 9],
+}
+
+/// Where everything is that has a pose, in MJCF's numbering.
+#[derive(Clone, Debug, Default)]
+pub struct Placements {
+    /// Frames of bodies.
+    pub bodies: Vec<Placement>,
+    /// Inertial frames of bodies: centre of mass and principal axes.
+    pub inertials: Vec<Placement>,
+    /// Geoms.
+    pub geoms: Vec<Placement>,
+    /// Sites.
+    pub sites: Vec<Placement>,
+}
+
+/// A keyframe with every field filled in.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Key {
+    /// Name, or empty.
+    pub name: String,
+    /// Time, s.
+    pub time: f64,
+    /// Positions, quaternions of length one; `qpos0` where not given.
+    pub qpos: Vec<f64>,
+    /// Velocities.
+    pub qvel: Vec<f64>,
+    /// Activations.
+    pub act: Vec<f64>,
+    /// Controls.
+    pub ctrl: Vec<f64>,
+    /// Positions of mocap bodies.
+    pub mpos: Vec<f64>,
+    /// Orientations of mocap bodies.
+    pub mquat: Vec<f64>,
+}
+
+/// An array of the model as MuJoCo has it, dense, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Lengths of its dimensions; empty for a single number.
+    pub shape: Vec<usize>,
+    /// Its entries.
+    pub data: ArrayData,
+}
+
+/// The entries of an [`Array`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum ArrayData {
+    /// Real numbers.
+    F64(Vec<f64>),
+    /// Integers, kinds and switches.
+    I32(Vec<i32>),
+}
+
+/// What the user should know about a model that compiled.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// What was adjusted, or acts otherwise than it may seem.
+    pub notes: Vec<String>,
+    /// What a lenient load left out.
+    pub losses: Vec<String>,
+}
+
+impl Model {
+    /// Compiles a spec, or says everything that is wrong with it.
+    pub fn from_spec(spec: &Spec) -> Result<Model, Diagnostics> {
+        crate::compile::compile(spec)
+    }
+
+    pub(crate) fn new(parts: Parts) -> Model {
+        let Parts { name, tables, names, placements, keys, arrays, counts, report } = parts;
+        let (tables, tables_f32) = (Arc::new(tables), OnceLock::new());
+        Model(Arc::new(Data { name, tables, tables_f32, names, placements, keys, arrays, counts, report }))
+    }
+
+    /// Name of the model.
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// The tables of the kernels in double precision.
+    pub fn tables(&self) -> &Arc<kernel::Model<f64>> {
+        &self.0.tables
+    }
+
+    /// The tables of the kernels in single precision, made when first asked for.
+    pub fn tables_f32(&self) -> &Arc<kernel::Model<f32>> {
+        self.0.tables_f32.get_or_init(|| Arc::new(round(&self.0.tables)))
+    }
+
+    /// Names of the elements.
+    pub fn names(&self) -> &ElementNames {
+        &self.0.names
+    }
+
+    /// Where bodies, geoms and sites are.
+    pub fn placements(&self) -> &Placements {
+        &self.0.placements
+    }
+
+    /// Keyframes.
+    pub fn keys(&self) -> &[Key] {
+        &self.0.keys
+    }
+
+    /// A model array by MuJoCo's name, such as `body_mass`; options too, such as `timestep`. `gravity` is zero when its
+    /// flag is off.
+    pub fn array(&self, name: &str) -> Option<&Array> {
+        self.0.arrays.get(name)
+    }
+
+    /// Names of all arrays, sorted.
+    pub fn array_names(&self) -> impl Iterator<Item = &'static str> + '_ {
+        self.0.arrays.keys().copied()
+    }
+
+    /// Numbers of elements by MuJoCo's names.
+    pub fn sizes(&self) -> &[(&'static str, usize)] {
+        &self.0.counts
+    }
+
+    /// Notes and losses.
+    pub fn report(&self) -> &Report {
+        &self.0.report
+    }
+}
+
+/// The tables in a smaller real type, with what may not fall below that type's least values.
+fn round<U: Real>(tables: &kernel::Model<f64>) -> kernel::Model<U> {
+    let mut out: kernel::Model<U> = tables.cast();
+    for (pair, exact) in out.pairs.iter_mut().zip(&tables.pairs) {
+        pair.friction = exact.friction.map(|x| U::from_f64(x.max(U::MINMU)));
+    }
+    for (loss, exact) in out.friction_losses.iter_mut().zip(&tables.friction_losses) {
+        loss.r = U::from_f64(exact.r.max(U::MINVAL));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_directions() {
+        let names = Names::new(vec!["world".into(), String::new(), "arm".into()]);
+        assert_eq!((names.len(), names.name(2), names.name(1), names.name(9)), (3, "arm", "", ""));
+        assert_eq!((names.id("arm"), names.id(""), names.id("leg")), (Some(2), None, None));
+    }
+}

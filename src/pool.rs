@@ -1,0 +1,47 @@
+//! Threads: the only place that knows about them.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::error::Error;
+
+/// A pool of worker threads, pinned to processors where the system allows it.
+#[derive(Debug)]
+pub struct Pool {
+    pool: rayon::ThreadPool,
+}
+
+impl Pool {
+    /// A pool of `threads` workers; `None`: as many as processors are available to the process.
+    pub fn new(threads: Option<usize>) -> Result<Self, Error> {
+        let available = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = threads.unwrap_or(available);
+        if threads == 0 {
+            return Err(Error::Options("threads must be at least 1".into()));
+        }
+        let cores = core_affinity::get_core_ids().unwrap_or_default();
+        // More workers than processors are left to the scheduler: pinning would stack them.
+        let pin = threads <= cores.len();
+        let next = AtomicUsize::new(0);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("lanesim-{i}"))
+            .start_handler(move |_| {
+                if let Some(core) = cores.get(next.fetch_add(1, Ordering::Relaxed)).filter(|_| pin) {
+                    core_affinity::set_for_current(*core);
+                }
+            })
+            .build()
+            .map_err(|e| Error::Options(format!("cannot start {threads} threads: {e}")))?;
+        Ok(Pool { pool })
+    }
+
+    /// Number of workers.
+    pub fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
+    /// Calls `f` once on every worker, with the worker's number, and waits for all.
+    pub fn run(&self, f: impl Fn(usize) + Sync) {
+        self.pool.broadcast(|context| f(context.index()));
+    }
+}

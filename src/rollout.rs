@@ -1,0 +1,114 @@
+//! Rollouts: controls in, chosen outputs out.
+
+use std::sync::atomic::AtomicU64;
+
+use lanesim_kernels::pipeline::StageClock;
+
+use crate::error::Error;
+use crate::model::Model;
+use crate::outputs::Output;
+
+/// Controls of a rollout.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Controls<'a> {
+    /// The controls that each world has.
+    #[default]
+    Keep,
+    /// One row per world and step: `[nworld, nstep, nu]`.
+    Given(&'a [f64]),
+    /// Uniform in the control range of limited actuators and in [-1, 1] of others, redrawn every step.
+    Noise {
+        /// Seed; the numbers depend on (seed, world, step, actuator) alone.
+        seed: u64,
+    },
+}
+
+/// What to run and what to record.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rollout<'a> {
+    /// Number of steps.
+    pub nstep: usize,
+    /// Controls.
+    pub controls: Controls<'a>,
+    /// What to record at every step: state outputs after the step; derived outputs as the step computed them, from the
+    /// state before it.
+    pub outputs: &'a [Output],
+    /// Counts finished world steps while the rollout runs.
+    pub progress: Option<&'a AtomicU64>,
+    /// Whether to gather statistics.
+    pub statistics: bool,
+    /// Whether to time the stages.
+    pub clock: bool,
+}
+
+impl Rollout<'_> {
+    /// Checks shapes and values of the controls, and that outputs can be recorded.
+    pub fn check(&self, model: &Model, nworld: usize) -> Result<(), Error> {
+        if let Some(output) = self.outputs.iter().find(|output| output.width(model).is_none()) {
+            let name = output.name();
+            return Err(Error::Input(format!("{name} differs in length between worlds and cannot be recorded in a rollout")));
+        }
+        let Controls::Given(controls) = self.controls else { return Ok(()) };
+        let nu = model.tables.sizes.nu;
+        let (given, expected) = (controls.len(), nworld * self.nstep * nu);
+        if given != expected {
+            let nstep = self.nstep;
+            return Err(Error::Input(format!(
+                "controls have {given} numbers; expected {expected} = nworld {nworld} × nstep {nstep} × nu {nu}"
+            )));
+        }
+        if let Some(i) = controls.iter().position(|u| !u.is_finite()) {
+            let (world, rest) = (i / (self.nstep * nu), i % (self.nstep * nu));
+            return Err(Error::Input(format!(
+                "controls[{world}, {}, {}] is {}; expected a finite number",
+                rest / nu,
+                rest % nu,
+                controls[i]
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// What a rollout recorded.
+#[derive(Clone, Debug, Default)]
+pub struct Trajectories {
+    /// One array per output, `[nworld, nstep, width]`.
+    pub outputs: Vec<Vec<f64>>,
+    /// Statistics, if asked for.
+    pub statistics: Statistics,
+    /// Time per stage, if asked for.
+    pub clock: StageClock,
+}
+
+/// Sums over the steps of all blocks.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Statistics {
+    /// World steps.
+    pub world_steps: f64,
+    /// Block steps.
+    pub block_steps: f64,
+    /// Contacts of worlds.
+    pub contacts: f64,
+    /// Contacts of blocks, each counted once for every world alive: what the slots have room for.
+    pub slots: f64,
+    /// Constraint rows of worlds.
+    pub rows: f64,
+    /// Solver iterations of worlds.
+    pub iterations: f64,
+    /// Solver iterations of the slowest world of each block.
+    pub block_iterations: f64,
+}
+
+impl Statistics {
+    /// Adds another thread's sums.
+    pub fn add(&mut self, other: &Statistics) {
+        self.world_steps += other.world_steps;
+        self.block_steps += other.block_steps;
+        self.contacts += other.contacts;
+        self.slots += other.slots;
+        self.rows += other.rows;
+        self.iterations += other.iterations;
+        self.block_iterations += other.block_iterations;
+    }
+}

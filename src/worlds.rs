@@ -1,0 +1,283 @@
+//! The public batch: many worlds of one model.
+
+use std::sync::Arc;
+
+use lanesim_kernels::lane::Real;
+use lanesim_kernels::state::Status;
+use wide::{f32x16, f64x8};
+
+use crate::batch::{Batch, Engine};
+use crate::error::Error;
+use crate::model::Model;
+use crate::outputs::Output;
+use crate::pool::Pool;
+use crate::rollout::{Rollout, Trajectories};
+
+/// Number type of the simulation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// Single precision: twice the worlds per block.
+    F32,
+    /// Double precision.
+    #[default]
+    F64,
+}
+
+/// How kernels are run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backend {
+    /// The fastest that this build has.
+    #[default]
+    Auto,
+    /// Portable SIMD lanes: 8 worlds (f64) or 16 (f32) at a time.
+    Wide,
+    /// One world at a time: the reference. Same bits.
+    Scalar,
+}
+
+/// What happens inside a batch.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Number type.
+    pub precision: Precision,
+    /// How kernels are run.
+    pub backend: Backend,
+    /// Worker threads; `None`: as many as processors are available.
+    pub threads: Option<usize>,
+    /// Largest number of contacts of a world; beyond it the world's status says `ContactOverflow`.
+    pub max_contacts: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { precision: Precision::F64, backend: Backend::Auto, threads: None, max_contacts: 1024 }
+    }
+}
+
+/// A part of a world's state, or a force from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Field {
+    /// Time, s: 1 number.
+    Time,
+    /// Positions: `nq`.
+    Qpos,
+    /// Velocities: `nv`.
+    Qvel,
+    /// Activations: `na`.
+    Act,
+    /// Controls: `nu`.
+    Ctrl,
+    /// Start of the solver: `nv`.
+    QaccWarmstart,
+    /// Generalised forces from outside: `nv`.
+    QfrcApplied,
+    /// Forces and torques on bodies from outside: `nbody` × (force, torque), world axes, at the centre of mass.
+    XfrcApplied,
+}
+
+impl Field {
+    /// All fields, with MuJoCo's names.
+    pub const ALL: [(Field, &'static str); 8] = [
+        (Field::Time, "time"),
+        (Field::Qpos, "qpos"),
+        (Field::Qvel, "qvel"),
+        (Field::Act, "act"),
+        (Field::Ctrl, "ctrl"),
+        (Field::QaccWarmstart, "qacc_warmstart"),
+        (Field::QfrcApplied, "qfrc_applied"),
+        (Field::XfrcApplied, "xfrc_applied"),
+    ];
+
+    /// MuJoCo's name.
+    pub fn name(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+
+    /// Numbers per world.
+    pub fn len(self, model: &Model) -> usize {
+        let sizes = &model.tables.sizes;
+        match self {
+            Field::Time => 1,
+            Field::Qpos => sizes.nq,
+            Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => sizes.nv,
+            Field::Act => sizes.na,
+            Field::Ctrl => sizes.nu,
+            Field::XfrcApplied => 6 * sizes.nbody,
+        }
+    }
+}
+
+/// Many worlds of one model. A world's results are the same bits whatever its place, its neighbours, the number of worlds
+/// and the number of threads.
+pub struct Worlds {
+    model: Arc<Model>,
+    options: Options,
+    engine: Box<dyn Engine>,
+}
+
+impl Worlds {
+    /// `nworld` worlds in the reference configuration, at rest.
+    pub fn new(model: &Arc<Model>, nworld: usize, options: &Options) -> Result<Self, Error> {
+        model.steppable()?;
+        let pool = Pool::new(options.threads)?;
+        let limit = options.max_contacts;
+        let scalar = options.backend == Backend::Scalar;
+        let engine: Box<dyn Engine> = match (options.precision, scalar) {
+            (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, pool, limit)),
+            (Precision::F64, false) => Box::new(Batch::<f64x8>::new(model, nworld, pool, limit)),
+            (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, pool, limit)),
+            (Precision::F32, false) => Box::new(Batch::<f32x16>::new(model, nworld, pool, limit)),
+        };
+        Ok(Worlds { model: model.clone(), options: options.clone(), engine })
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// The options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// Number of worlds.
+    pub fn nworld(&self) -> usize {
+        self.engine.nworld()
+    }
+
+    /// Number of worker threads.
+    pub fn threads(&self) -> usize {
+        self.engine.threads()
+    }
+
+    /// Number of worlds per block, and the name of the lane type.
+    pub fn lanes(&self) -> (usize, &'static str) {
+        self.engine.lanes()
+    }
+
+    fn check_world(&self, world: usize) -> Result<(), Error> {
+        if world < self.nworld() {
+            return Ok(());
+        }
+        Err(Error::Input(format!("there is no world {world}: the batch has {}, counted from 0", self.nworld())))
+    }
+
+    fn check_field(&self, field: Field, given: usize) -> Result<(), Error> {
+        let expected = field.len(&self.model);
+        if given == expected {
+            return Ok(());
+        }
+        Err(Error::Input(format!("{} has {given} numbers; expected {expected}", field.name())))
+    }
+
+    /// Sets a field of one world. Values must be finite; clears nothing else.
+    pub fn set(&mut self, field: Field, world: usize, values: &[f64]) -> Result<(), Error> {
+        self.check_world(world)?;
+        self.check_field(field, values.len())?;
+        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+            let x = values[i];
+            return Err(Error::Input(format!("{}[{i}] of world {world} is {x}; expected a finite number", field.name())));
+        }
+        self.engine.set(field, world, values);
+        Ok(())
+    }
+
+    /// Sets a field of one world without looking at the values: what a world does with NaN is its status.
+    pub fn set_unchecked(&mut self, field: Field, world: usize, values: &[f64]) -> Result<(), Error> {
+        self.check_world(world)?;
+        self.check_field(field, values.len())?;
+        self.engine.set(field, world, values);
+        Ok(())
+    }
+
+    /// A field of one world.
+    pub fn get(&mut self, field: Field, world: usize) -> Result<Vec<f64>, Error> {
+        self.check_world(world)?;
+        let mut out = vec![0.0; field.len(&self.model)];
+        self.engine.get(field, world, &mut out);
+        Ok(out)
+    }
+
+    /// A field of all worlds, world by world.
+    pub fn get_all(&mut self, field: Field) -> Vec<f64> {
+        let width = field.len(&self.model);
+        let mut out = vec![0.0; width * self.nworld()];
+        if width > 0 {
+            for (world, row) in out.chunks_exact_mut(width).enumerate() {
+                self.engine.get(field, world, row);
+            }
+        }
+        out
+    }
+
+    /// Status of one world.
+    pub fn status(&self, world: usize) -> Result<Status, Error> {
+        self.check_world(world)?;
+        Ok(self.engine.status(world))
+    }
+
+    /// Number of frozen worlds.
+    pub fn lost(&self) -> usize {
+        (0..self.nworld()).filter(|world| self.engine.status(*world).contains(Status::FROZEN)).count()
+    }
+
+    /// Resets one world to a keyframe, or to the reference configuration; clears its status and warm start.
+    pub fn reset(&mut self, world: usize, key: Option<usize>) -> Result<(), Error> {
+        self.check_world(world)?;
+        let model = self.model.clone();
+        let state = match key {
+            None => model.initial_key(),
+            Some(k) => model.keys.get(k).cloned().ok_or_else(|| {
+                Error::Unknown(format!("there is no keyframe {k}: the model has {}", model.keys.len()))
+            })?,
+        };
+        self.engine.reset(world, &state);
+        Ok(())
+    }
+
+    /// Advances every world by `nstep` steps with its present controls.
+    pub fn step(&mut self, nstep: usize) -> Result<(), Error> {
+        self.rollout(&Rollout { nstep, ..Rollout::default() }).map(|_| ())
+    }
+
+    /// Takes every world through `nstep` steps, block by block.
+    pub fn rollout(&mut self, rollout: &Rollout<'_>) -> Result<Trajectories, Error> {
+        rollout.check(&self.model, self.nworld())?;
+        Ok(self.engine.rollout(rollout))
+    }
+
+    /// Computes everything up to the acceleration without stepping, and hands each world's outputs to `sink`, in the order
+    /// of worlds: world, then one array per output.
+    pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
+        self.engine.forward(outputs, sink);
+    }
+
+    /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.
+    pub fn state_hash(&mut self) -> u64 {
+        self.engine.state_hash()
+    }
+
+    /// Bytes kept per world, and bytes of scratch per thread.
+    pub fn memory(&self) -> (usize, usize) {
+        self.engine.memory()
+    }
+}
+
+/// Tables of the model for a number type.
+pub trait Tables: Real {
+    /// The tables, rounded to this type.
+    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<Self>>;
+}
+
+impl Tables for f64 {
+    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f64>> {
+        &model.tables
+    }
+}
+
+impl Tables for f32 {
+    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f32>> {
+        &model.tables_f32
+    }
+}
