@@ -24,9 +24,9 @@ impl Inputs {
         Ok(Inputs { path: path.to_owned(), arrays })
     }
 
-    /// Whether the file has this array.
-    pub fn has(&self, name: &str) -> bool {
-        self.arrays.contains_key(name)
+    /// Passes over an array.
+    pub fn drop(&mut self, name: &str) {
+        self.arrays.remove(name);
     }
 
     /// Names of the arrays not yet taken.

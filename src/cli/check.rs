@@ -1,12 +1,17 @@
 //! `lanesim check`: does a model load, and does it stay finite?
 
 use clap::Args;
+use lanesim::Rollout;
+use lanesim::worlds::Field;
 use serde_json::json;
 
-use super::engine::{self, Batch, Controls, Setup};
+use super::engine::{self, Loaded};
 use super::failure::Failure;
-use super::rollout::reset;
-use super::{ModelArgs, RunArgs, count, output};
+use super::output::{self, Progress};
+use super::{ModelArgs, RunArgs, count};
+
+/// Steps between two looks at the progress bar.
+const STRIDE: usize = 1000;
 
 /// Arguments of `check`.
 #[derive(Args)]
@@ -26,21 +31,24 @@ pub struct Check {
 impl Check {
     /// Compiles and steps one world. Raised flags are reported, they are not a failure.
     pub fn run(self) -> Result<(), Failure> {
-        let loaded = engine::load(&self.model)?;
-        output::notes("left out", &loaded.losses);
-        let model = &loaded.model;
-        let mut batch = Batch::new(model, 1, &Setup::from(&self.run))?;
-        if let Some(key) = model.key(0) {
-            reset(&mut batch, &key)?;
+        let Loaded { model, .. } = engine::load(&self.model)?;
+        output::notes("left out", &model.report().losses);
+        let mut worlds = self.run.worlds(&model, 1)?;
+        if !model.keys().is_empty() {
+            worlds.reset(0, Some(0))?;
         }
-        let bar = output::progress("checking", self.steps as u64, self.json);
-        batch.run(self.steps, Controls::Hold, &[], &|done| bar.set_position(done))?;
-        bar.finish_and_clear();
-        let flags = batch.flags(0);
-        let time = batch.get("time", 0)[0];
+        let progress = Progress::new("checking", self.steps as u64, self.json);
+        for start in (0..self.steps).step_by(STRIDE) {
+            let nstep = STRIDE.min(self.steps - start);
+            worlds.rollout(&Rollout { nstep, progress: Some(progress.counter()), ..Rollout::default() })?;
+        }
+        progress.finish();
+        let flags = worlds.status(0)?.names();
+        let time = worlds.get(Field::Time, 0)?[0];
         if self.json {
             return output::json(&json!({
-                "model": model.name(), "steps": self.steps, "time": time, "flags": flags, "losses": loaded.losses,
+                "model": model.name(), "steps": self.steps, "time": time, "flags": flags,
+                "losses": model.report().losses,
             }));
         }
         let verdict = if flags.is_empty() { "no flags".to_owned() } else { format!("flags: {}", flags.join(", ")) };

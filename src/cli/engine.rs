@@ -1,78 +1,106 @@
-//! The commands' view of the simulator.
+//! From arguments to the library's types.
 
-use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
-use lanesim::npz::Array;
+use lanesim::mjcf::{self, LoadOptions};
+use lanesim::model::{Array as ModelArray, ArrayData};
+use lanesim::npz::{Array, Data};
+use lanesim::worlds::Field;
+use lanesim::{Model, Options, Worlds};
 
 use super::failure::Failure;
-use super::{ModelArgs, Precision, RunArgs};
+use super::{Backend, ModelArgs, Precision, RunArgs, memory};
 
+/// A model, and how long it took from file to tables.
 pub struct Loaded {
     pub model: Arc<Model>,
-    pub losses: Vec<String>,
-    pub notes: Vec<String>,
     pub seconds: f64,
 }
 
-pub struct Model;
-
-pub struct Key {
-    pub time: f64,
-    pub qpos: Vec<f64>,
-    pub qvel: Vec<f64>,
-    pub ctrl: Vec<f64>,
+/// Reads and compiles the model.
+pub fn load(args: &ModelArgs) -> Result<Loaded, Failure> {
+    load_with(args, &[])
 }
 
-pub enum Controls<'a> {
-    Hold,
-    Given(&'a [f64]),
-    Noise { seed: u64 },
+/// Reads and compiles the model with further options.
+pub fn load_with(args: &ModelArgs, more: &[(&str, &str)]) -> Result<Loaded, Failure> {
+    let start = Instant::now();
+    let more = more.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+    let overrides = args.options.iter().cloned().chain(more).collect();
+    let spec = mjcf::load(&args.model, &LoadOptions { lenient: args.lenient, overrides })?;
+    let model = Arc::new(Model::from_spec(&spec)?);
+    Ok(Loaded { model, seconds: start.elapsed().as_secs_f64() })
 }
 
-pub struct Stats {
-    pub ncon_mean: f64,
-    pub nefc_mean: f64,
-    pub solver_niter_mean: f64,
-    pub solver_niter_block_max_mean: f64,
-    pub slot_occupancy: f64,
-    pub stages: Vec<(String, f64)>,
+/// The number of elements of a kind, by MuJoCo's name.
+pub fn size(model: &Model, name: &str) -> usize {
+    model.sizes().iter().find(|(n, _)| *n == name).map_or(0, |(_, count)| *count)
 }
 
-pub struct Done {
-    pub outputs: Vec<Array>,
-    pub stats: Stats,
+/// A model array as it is written to files.
+pub fn model_array(array: &ModelArray) -> Option<Array> {
+    let data = match &array.data {
+        ArrayData::F64(v) => Data::F64(v.clone()),
+        ArrayData::I32(v) => Data::I32(v.clone()),
+    };
+    Array::new(array.shape.clone(), data)
 }
 
-pub struct Setup {
-    pub precision: Precision,
-    pub backend: super::Backend,
-    pub threads: Option<u32>,
+impl RunArgs {
+    /// A batch as the arguments want it.
+    pub fn worlds(&self, model: &Arc<Model>, nworld: usize) -> Result<Worlds, Failure> {
+        self.check_memory(model, nworld)?;
+        Ok(Worlds::new(model, nworld, &self.options())?)
+    }
+
+    /// An error if so many worlds cannot fit.
+    pub fn check_memory(&self, model: &Model, nworld: usize) -> Result<(), Failure> {
+        let state: usize = Field::ALL[..6].iter().map(|(field, _)| field.len(model)).sum();
+        memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64])
+    }
+
+    /// The backend as it was asked for.
+    pub fn backend_name(&self) -> &'static str {
+        match self.backend {
+            Backend::Auto | Backend::Wide => "wide",
+            Backend::Scalar => "scalar",
+        }
+    }
+
+    /// The library's options.
+    pub fn options(&self) -> Options {
+        Options {
+            precision: match self.precision {
+                Precision::F32 => lanesim::Precision::F32,
+                Precision::F64 => lanesim::Precision::F64,
+            },
+            backend: match self.backend {
+                Backend::Auto => lanesim::Backend::Auto,
+                Backend::Wide => lanesim::Backend::Wide,
+                Backend::Scalar => lanesim::Backend::Scalar,
+            },
+            threads: self.threads.map(|n| n as usize),
+            ..Options::default()
+        }
+    }
 }
 
-impl Model {
-    pub fn name(&self) -> &str { todo!() }
-    pub fn size(&self, _name: &str) -> usize { todo!() }
-    pub fn sizes(&self) -> Vec<(&'static str, usize)> { todo!() }
-    pub fn options(&self) -> &lanesim_kernels::options::Options { todo!() }
-    pub fn array(&self, _name: &str) -> Option<Array> { todo!() }
-    pub fn key(&self, _index: usize) -> Option<Key> { todo!() }
-    pub fn accurate(&self) -> Arc<Model> { todo!() }
+/// Sets a field of every world from an array with one row per world.
+pub fn set_all(worlds: &mut Worlds, field: Field, values: &[f64]) -> Result<(), Failure> {
+    let width = values.len() / worlds.nworld();
+    Ok((0..worlds.nworld()).try_for_each(|w| worlds.set(field, w, &values[w * width..][..width]))?)
 }
 
-pub struct Batch;
-
-impl Batch {
-    pub fn new(_m: &Arc<Model>, _n: usize, _s: &Setup) -> Result<Batch, Failure> { todo!() }
-    pub fn set(&mut self, _field: &str, _world: usize, _v: &[f64]) -> Result<(), Failure> { todo!() }
-    pub fn get(&self, _field: &str, _world: usize) -> Vec<f64> { todo!() }
-    pub fn run(&mut self, _steps: usize, _c: Controls, _outputs: &[String], _p: &(dyn Fn(u64) + Sync)) -> Result<Done, Failure> { todo!() }
-    pub fn forward(&mut self, _fields: &[String]) -> Result<Vec<Array>, Failure> { todo!() }
-    pub fn flags(&self, _world: usize) -> Vec<&'static str> { todo!() }
-    pub fn lost(&self, _world: usize) -> bool { todo!() }
-    pub fn threads(&self) -> usize { todo!() }
-    pub fn lanes(&self) -> usize { todo!() }
-    pub fn bytes_per_world(&self) -> usize { todo!() }
+/// The instruction set that this build's lanes use.
+pub const fn isa() -> &'static str {
+    if cfg!(target_feature = "avx512f") {
+        "avx512"
+    } else if cfg!(all(target_feature = "avx2", target_feature = "fma")) {
+        "avx2+fma"
+    } else if cfg!(target_arch = "aarch64") {
+        "neon"
+    } else {
+        "baseline"
+    }
 }
-pub fn load(_a: &ModelArgs) -> Result<Loaded, Failure> { let _ = Path::new(""); todo!() }
-impl From<&RunArgs> for Setup { fn from(r: &RunArgs) -> Setup { Setup { precision: r.precision, backend: r.backend, threads: r.threads } } }

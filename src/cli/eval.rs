@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
-use lanesim::npz::{self, Array};
+use lanesim::npz;
+use lanesim::worlds::Field;
+use lanesim::{Model, Worlds};
 
 use super::arrays::{Dim, Inputs};
-use super::engine::{self, Batch, Controls, Model, Setup};
+use super::engine::{self, Loaded, set_all, size};
 use super::failure::Failure;
-use super::rollout::set_all;
-use super::{ModelArgs, RunArgs, output};
+use super::{ModelArgs, RunArgs, memory, output};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -42,49 +43,53 @@ pub struct Eval {
     nstep: u32,
 }
 
-/// What a state file may hold: name, size that must not be zero, shape after N.
-fn known(model: &Model) -> [(&'static str, Vec<Dim>); 10] {
-    let dim = |name| Dim(name, model.size(name));
-    [
-        ("time", vec![]),
-        ("qpos", vec![dim("nq")]),
-        ("qvel", vec![dim("nv")]),
-        ("act", vec![dim("na")]),
-        ("ctrl", vec![dim("nu")]),
-        ("qfrc_applied", vec![dim("nv")]),
-        ("xfrc_applied", vec![dim("nbody"), Dim("", 6)]),
-        ("mocap_pos", vec![dim("nmocap"), Dim("", 3)]),
-        ("mocap_quat", vec![dim("nmocap"), Dim("", 4)]),
-        ("qacc_warmstart", vec![dim("nv")]),
-    ]
+/// Arrays that a state file may hold although no model has them yet; if the model as it was loaded has no such elements
+/// they are passed over, because a lenient load may have left the elements out.
+const PASSED_OVER: [&str; 3] = ["mocap_pos", "mocap_quat", "eq_active"];
+
+/// Shape of a field after the number of states.
+fn shape(field: Field, model: &Model) -> Vec<Dim> {
+    let dim = |name| Dim(name, size(model, name));
+    match field {
+        Field::Time => vec![],
+        Field::Qpos => vec![dim("nq")],
+        Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => vec![dim("nv")],
+        Field::Act => vec![dim("na")],
+        Field::Ctrl => vec![dim("nu")],
+        Field::XfrcApplied => vec![dim("nbody"), Dim("", 6)],
+    }
 }
 
 impl Eval {
     /// Checks everything, then computes, then writes.
     pub fn run(self) -> Result<(), Failure> {
-        let loaded = engine::load(&self.model)?;
-        output::notes("left out", &loaded.losses);
-        let model = &loaded.model;
-        let (n, states) = self.states(model)?;
-        let mut batch = Batch::new(model, n, &Setup::from(&self.run))?;
-        for (name, values) in &states {
-            set_all(&mut batch, name, values, n)?;
-        }
+        let Loaded { model, .. } = engine::load(&self.model)?;
+        output::notes("left out", &model.report().losses);
         let (once, fields): (Vec<String>, Vec<String>) =
-            self.fields.iter().cloned().partition(|f| model.array(f).is_some());
-        if self.nstep > 0 {
-            batch.run(self.nstep as usize, Controls::Hold, &[], &|_| ())?;
+            self.fields.iter().cloned().partition(|name| model.array(name).is_some());
+        let outputs = engine::outputs(&fields)?;
+        let (n, states) = self.states(&model)?;
+        let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
+        memory::check("the fields", &[n, width, size_of::<f64>()])?;
+        let mut worlds = self.run.worlds(&model, n)?;
+        for (field, values) in &states {
+            set_all(&mut worlds, *field, values)?;
         }
-        let mut arrays: Vec<(String, Array)> =
-            once.into_iter().filter_map(|name| model.array(&name).map(|a| (name, a))).collect();
-        arrays.extend(fields.iter().cloned().zip(batch.forward(&fields)?));
+        if self.nstep > 0 {
+            worlds.step(self.nstep as usize)?;
+        }
+        let mut arrays: Vec<_> = once
+            .into_iter()
+            .filter_map(|name| model.array(&name).and_then(engine::model_array).map(|array| (name, array)))
+            .collect();
+        arrays.extend(evaluate(&model, &mut worlds, &outputs)?);
         npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))
     }
 
     /// The number of states, and their arrays.
-    fn states(&self, model: &Model) -> Result<(usize, Vec<(&'static str, Vec<f64>)>), Failure> {
+    fn states(&self, model: &Model) -> Result<(usize, Vec<(Field, Vec<f64>)>), Failure> {
         let mut inputs = Inputs::read(&self.input)?;
-        let known = known(model);
+        PASSED_OVER.iter().for_each(|name| inputs.drop(name));
         let n = match inputs.names().next() {
             None => 1,
             Some(name) => match inputs.shape(name).and_then(<[usize]>::first) {
@@ -93,11 +98,11 @@ impl Eval {
             },
         };
         let mut states = Vec::new();
-        for (name, rest) in &known {
-            let shape: Vec<Dim> = std::iter::once(Dim("N", n)).chain(rest.iter().copied()).collect();
-            states.extend(inputs.take(name, &shape)?.map(|values| (*name, values)));
+        for (field, name) in Field::ALL {
+            let shape: Vec<Dim> = std::iter::once(Dim("N", n)).chain(shape(field, model)).collect();
+            states.extend(inputs.take(name, &shape)?.map(|values| (field, values)));
         }
-        inputs.finish(&known.map(|(name, _)| name))?;
+        inputs.finish(&Field::ALL.map(|(_, name)| name))?;
         Ok((n, states))
     }
 }

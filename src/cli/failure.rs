@@ -50,6 +50,16 @@ impl From<io::Error> for Failure {
     }
 }
 
+impl From<lanesim::Error> for Failure {
+    fn from(e: lanesim::Error) -> Self {
+        match e {
+            lanesim::Error::Model(diagnostics) => Failure::Model(diagnostics),
+            lanesim::Error::Options(message) => Failure::Usage(message),
+            e => Failure::Input(e.to_string()),
+        }
+    }
+}
+
 impl From<Diagnostics> for Failure {
     fn from(d: Diagnostics) -> Self {
         Failure::Model(d)

@@ -1,9 +1,10 @@
 //! `lanesim info`: what a model is.
 
 use clap::Args;
+use lanesim::Model;
 use serde_json::{Map, Value, json};
 
-use super::engine::{self, Batch, Setup};
+use super::engine::{self, Loaded};
 use super::failure::Failure;
 use super::{ModelArgs, RunArgs, output};
 
@@ -22,33 +23,41 @@ pub struct Info {
 impl Info {
     /// Prints sizes, memory, options and what was left out.
     pub fn run(self) -> Result<(), Failure> {
-        let loaded = engine::load(&self.model)?;
-        let model = &loaded.model;
-        let bytes = Batch::new(model, 1, &Setup::from(&self.run))?.bytes_per_world();
-        let options = model.options();
+        let Loaded { model, seconds } = engine::load(&self.model)?;
+        // A model that loads but cannot be stepped still has sizes.
+        let memory = self.run.worlds(&model, 1).map(|w| w.memory()).ok();
         if self.json {
-            let mut out = Map::new();
-            out.insert("model".into(), model.name().into());
-            for (name, n) in model.sizes() {
-                out.insert(name.into(), n.into());
-            }
-            out.insert("bytes_per_world".into(), bytes.into());
-            out.insert("timestep".into(), options.timestep.into());
-            out.insert("load_seconds".into(), loaded.seconds.into());
-            out.insert("losses".into(), json!(loaded.losses));
-            out.insert("notes".into(), json!(loaded.notes));
-            return output::json(&Value::Object(out));
+            return output::json(&json_of(&model, memory, seconds));
         }
-        output::notes("left out", &loaded.losses);
-        output::notes("note", &loaded.notes);
+        output::notes("left out", &model.report().losses);
+        output::notes("note", &model.report().notes);
+        let options = &model.tables().options;
         let mut rows = vec![("model", model.name().to_owned())];
-        rows.extend(model.sizes().into_iter().map(|(name, n)| (name, n.to_string())));
-        rows.push(("bytes per world", bytes.to_string()));
+        rows.extend(model.sizes().iter().map(|(name, n)| (*name, n.to_string())));
+        if let Some((world, thread)) = memory {
+            rows.push(("bytes per world", world.to_string()));
+            rows.push(("scratch bytes per thread", thread.to_string()));
+        }
         rows.push(("timestep", format!("{} s", options.timestep)));
         rows.push(("integrator", format!("{:?}", options.integrator)));
         rows.push(("cone", format!("{:?}", options.cone)));
         rows.push(("solver", format!("{:?}", options.solver)));
-        rows.push(("loaded in", format!("{:.1} ms", loaded.seconds * 1e3)));
+        rows.push(("loaded in", format!("{:.1} ms", seconds * 1e3)));
         output::table(&rows)
     }
+}
+
+fn json_of(model: &Model, memory: Option<(usize, usize)>, seconds: f64) -> Value {
+    let mut out = Map::new();
+    out.insert("model".into(), model.name().into());
+    out.extend(model.sizes().iter().map(|(name, n)| ((*name).to_owned(), Value::from(*n))));
+    if let Some((world, thread)) = memory {
+        out.insert("bytes_per_world".into(), world.into());
+        out.insert("scratch_bytes_per_thread".into(), thread.into());
+    }
+    out.insert("timestep".into(), model.tables().options.timestep.into());
+    out.insert("load_seconds".into(), seconds.into());
+    out.insert("losses".into(), json!(model.report().losses));
+    out.insert("notes".into(), json!(model.report().notes));
+    Value::Object(out)
 }

@@ -10,8 +10,9 @@ mod engine;
 mod eval;
 mod failure;
 mod info;
+mod measure;
+mod memory;
 mod output;
-mod random;
 mod rollout;
 
 use std::path::PathBuf;
@@ -70,10 +71,10 @@ struct ModelArgs {
 /// How worlds are stepped.
 #[derive(Args)]
 struct RunArgs {
-    /// Precision of the simulation [f64 agrees with MuJoCo to about 1e-10, f32 is twice as fast]
+    /// Number type of the simulation: f64 agrees with MuJoCo to about 1e-10, f32 is faster
     #[arg(long, value_enum, default_value_t = Precision::F64)]
     precision: Precision,
-    /// Code that steps the worlds; `scalar` takes one world at a time
+    /// Code that steps the worlds
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     backend: Backend,
     /// Worker threads [default: all that this process may use]
@@ -81,16 +82,19 @@ struct RunArgs {
     threads: Option<u32>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 enum Precision {
     F32,
     F64,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 enum Backend {
+    /// The fastest that this build has
     Auto,
+    /// SIMD lanes: 8 worlds (f64) or 16 (f32) at a time
     Wide,
+    /// One world at a time: the reference, same bits
     Scalar,
 }
 

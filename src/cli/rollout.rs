@@ -5,12 +5,15 @@ use std::time::Instant;
 
 use clap::{Args, ValueHint};
 use lanesim::npz;
+use lanesim::worlds::Field;
+use lanesim::{Controls, Model, Worlds};
 use serde_json::json;
 
 use super::arrays::{Dim, Inputs};
-use super::engine::{self, Batch, Controls, Key, Model, Setup};
+use super::engine::{self, Loaded, set_all, size};
 use super::failure::Failure;
-use super::{ModelArgs, RunArgs, count, output};
+use super::output::{self, Progress};
+use super::{ModelArgs, RunArgs, count, memory};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -62,31 +65,41 @@ pub struct Rollout {
 impl Rollout {
     /// Checks everything, then runs, then writes.
     pub fn run(self) -> Result<(), Failure> {
-        let loaded = engine::load(&self.model)?;
-        output::notes("left out", &loaded.losses);
-        let model = &loaded.model;
-        let controls = self.controls(model)?;
-        let mut batch = Batch::new(model, self.worlds, &Setup::from(&self.run))?;
-        self.start(model, &mut batch)?;
-        let controls = match &controls {
-            Some(u) => Controls::Given(u),
-            None if self.noise => Controls::Noise { seed: self.seed },
-            None => Controls::Hold,
-        };
-        let bar = output::progress("rollout", self.worlds as u64 * self.steps as u64, self.json);
+        let Loaded { model, .. } = engine::load(&self.model)?;
+        output::notes("left out", &model.report().losses);
+        let outputs = engine::outputs(&self.outputs)?;
+        let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
+        memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()])?;
+        let controls = self.controls(&model)?;
+        let mut worlds = self.run.worlds(&model, self.worlds)?;
+        self.start(&model, &mut worlds)?;
+        let progress = Progress::new("rollout", self.worlds as u64 * self.steps as u64, self.json);
         let start = Instant::now();
-        let done = batch.run(self.steps, controls, &self.outputs, &|n| bar.set_position(n))?;
+        let result = worlds.rollout(&lanesim::Rollout {
+            nstep: self.steps,
+            controls: match &controls {
+                Some(u) => Controls::Given(u),
+                None if self.noise => Controls::Noise { seed: self.seed },
+                None => Controls::Keep,
+            },
+            outputs: &outputs,
+            progress: Some(progress.counter()),
+            ..lanesim::Rollout::default()
+        })?;
         let seconds = start.elapsed().as_secs_f64();
-        bar.finish_and_clear();
-        let arrays: Vec<_> = self.outputs.iter().cloned().zip(done.outputs).collect();
+        progress.finish();
+        let mut arrays = Vec::new();
+        for (output, values) in outputs.iter().zip(result.outputs) {
+            arrays.push(engine::named(output, &model, &[self.worlds, self.steps], values)?);
+        }
         npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))?;
-        self.summary(model, &batch, seconds)
+        self.summary(&model, &mut worlds, seconds)
     }
 
     fn controls(&self, model: &Model) -> Result<Option<Vec<f64>>, Failure> {
         let Some(path) = &self.controls else { return Ok(None) };
         let mut inputs = Inputs::read(path)?;
-        let shape = [Dim("nworld", self.worlds), Dim("nstep", self.steps), Dim("nu", model.size("nu"))];
+        let shape = [Dim("nworld", self.worlds), Dim("nstep", self.steps), Dim("nu", size(model, "nu"))];
         let Some(controls) = inputs.take("ctrl", &shape)? else {
             return Err(Failure::file(path, "has no array `ctrl` [nworld, nstep, nu]"));
         };
@@ -94,61 +107,46 @@ impl Rollout {
         Ok(Some(controls))
     }
 
-    fn start(&self, model: &Model, batch: &mut Batch) -> Result<(), Failure> {
-        if let Some(index) = self.keyframe {
-            let nkey = model.size("nkey");
-            let key = model
-                .key(index)
-                .ok_or_else(|| Failure::Usage(format!("--keyframe {index}: the model has {nkey} keyframes")))?;
-            for world in 0..self.worlds {
-                reset_world(batch, world, &key)?;
+    /// Puts the worlds where they start.
+    fn start(&self, model: &Model, worlds: &mut Worlds) -> Result<(), Failure> {
+        if let Some(key) = self.keyframe {
+            if key >= model.keys().len() {
+                let n = model.keys().len();
+                return Err(Failure::Usage(format!("--keyframe {key}: the model has {n} keyframes, counted from 0")));
             }
+            (0..self.worlds).try_for_each(|world| worlds.reset(world, Some(key)))?;
         }
         let Some(path) = &self.states else { return Ok(()) };
         let mut inputs = Inputs::read(path)?;
-        let fields = [("qpos", Some(Dim("nq", model.size("nq")))), ("qvel", Some(Dim("nv", model.size("nv")))), ("time", None)];
-        for (name, width) in fields {
+        for (field, width) in [
+            (Field::Time, None),
+            (Field::Qpos, Some(Dim("nq", size(model, "nq")))),
+            (Field::Qvel, Some(Dim("nv", size(model, "nv")))),
+        ] {
             let shape: Vec<Dim> = std::iter::once(Dim("nworld", self.worlds)).chain(width).collect();
-            if let Some(values) = inputs.take(name, &shape)? {
-                set_all(batch, name, &values, self.worlds)?;
+            if let Some(values) = inputs.take(field.name(), &shape)? {
+                set_all(worlds, field, &values)?;
             }
         }
-        inputs.finish(&["qpos", "qvel", "time"])
+        inputs.finish(&["time", "qpos", "qvel"])
     }
 
-    fn summary(&self, model: &Model, batch: &Batch, seconds: f64) -> Result<(), Failure> {
-        let lost = (0..self.worlds).filter(|&w| batch.lost(w)).count();
+    fn summary(&self, model: &Model, worlds: &mut Worlds, seconds: f64) -> Result<(), Failure> {
+        let (lost, hash) = (worlds.lost(), format!("{:016x}", worlds.state_hash()));
         let rate = self.worlds as f64 * self.steps as f64 / seconds;
         if self.json {
             return output::json(&json!({
                 "model": model.name(), "nworld": self.worlds, "nstep": self.steps, "seconds": seconds,
-                "steps_per_second": rate, "lost": lost, "output": self.output,
+                "steps_per_second": rate, "lost": lost, "state_hash": hash, "output": self.output,
             }));
         }
         output::table(&[
             ("model", model.name().to_owned()),
             ("worlds x steps", format!("{} x {}", self.worlds, self.steps)),
-            ("speed", format!("{} steps/s", output::human(rate))),
+            ("speed", format!("{}steps/s", output::human(rate))),
             ("lost worlds", lost.to_string()),
+            ("state hash", hash),
             ("written", self.output.display().to_string()),
         ])
     }
-}
-
-/// Sets a field of every world from an array with one row per world.
-pub fn set_all(batch: &mut Batch, name: &str, values: &[f64], worlds: usize) -> Result<(), Failure> {
-    let width = values.len() / worlds;
-    (0..worlds).try_for_each(|w| batch.set(name, w, &values[w * width..][..width]))
-}
-
-/// Puts world 0 into a keyframe.
-pub fn reset(batch: &mut Batch, key: &Key) -> Result<(), Failure> {
-    reset_world(batch, 0, key)
-}
-
-fn reset_world(batch: &mut Batch, world: usize, key: &Key) -> Result<(), Failure> {
-    batch.set("time", world, &[key.time])?;
-    batch.set("qpos", world, &key.qpos)?;
-    batch.set("qvel", world, &key.qvel)?;
-    batch.set("ctrl", world, &key.ctrl)
 }
