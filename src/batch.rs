@@ -24,18 +24,18 @@ pub(crate) trait Engine: Send {
     fn threads(&self) -> usize;
     fn lanes(&self) -> (usize, &'static str);
     fn set(&mut self, field: Field, world: usize, values: &[f64]);
-    fn get(&mut self, field: Field, world: usize, out: &mut [f64]);
+    fn get(&self, field: Field, world: usize) -> Vec<f64>;
     fn status(&self, world: usize) -> Status;
     fn reset(&mut self, world: usize, key: &Key);
     fn rollout(&mut self, rollout: &Rollout<'_>) -> Trajectories;
     fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>));
-    fn state_hash(&mut self) -> u64;
+    fn state_hash(&self) -> u64;
     fn memory(&self) -> (usize, usize);
 }
 
 /// Blocks of lane type `L`, one workspace per worker.
 pub(crate) struct Batch<L: LaneQuery> {
-    model: Arc<Model>,
+    model: Model,
     tables: Arc<KernelModel<L::Real>>,
     nworld: usize,
     max_contacts: usize,
@@ -60,11 +60,10 @@ struct Job<'a, L> {
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
-    pub fn new(model: &Arc<Model>, nworld: usize, pool: Pool, max_contacts: usize) -> Self {
+    pub fn new(model: &Model, nworld: usize, pool: Pool, max_contacts: usize) -> Self {
         let tables = L::Real::tables(model).clone();
-        let blocks = (0..nworld.div_ceil(L::WIDTH))
-            .map(|b| Block::new(&tables, L::WIDTH.min(nworld - b * L::WIDTH)))
-            .collect();
+        let blocks =
+            (0..nworld.div_ceil(L::WIDTH)).map(|b| Block::new(&tables, L::WIDTH.min(nworld - b * L::WIDTH))).collect();
         let workers = (0..pool.threads())
             .map(|_| {
                 let workspace = Workspace::new(&tables);
@@ -87,7 +86,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
             let alive = job.block.status.alive;
             pipeline::step(&self.tables, &mut job.block.state, &mut run, &mut job.block.status, workspace);
             if rollout.statistics {
-                gather(&self.tables, workspace, alive, statistics);
+                gather(workspace, alive, statistics);
             }
             self.record(rollout, step, job, workspace);
         }
@@ -114,7 +113,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
                     for lane in 0..job.worlds {
                         let world = (job.first_world + lane) as u64;
                         let x = noise::uniform(seed, world, step as u64, a as u64);
-                        u.set(lane, L::Real::from_f64(low + (high - low) * x));
+                        u.set(lane, <L::Real as Real>::from_f64(low + (high - low) * x));
                     }
                 }
             }
@@ -140,12 +139,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
 }
 
 /// Adds a step's counts to the statistics.
-fn gather<L: LaneQuery>(
-    tables: &KernelModel<L::Real>,
-    workspace: &Workspace<L>,
-    alive: u32,
-    statistics: &mut Statistics,
-) {
+fn gather<L: LaneQuery>(workspace: &Workspace<L>, alive: u32, statistics: &mut Statistics) {
     let worlds = f64::from(alive.count_ones());
     let count = |mask: L::Mask| f64::from((L::bits(mask) & alive).count_ones());
     statistics.world_steps += worlds;
@@ -167,7 +161,6 @@ fn gather<L: LaneQuery>(
     for lane in (0..L::WIDTH).filter(|lane| alive >> lane & 1 != 0) {
         statistics.iterations += solver.niter.get(lane).to_f64();
     }
-    debug_assert!(tables.sizes.nslot >= workspace.collision.contacts.len());
 }
 
 impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
@@ -188,8 +181,8 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         block.set(field, &self.tables.sizes, world % L::WIDTH, values);
     }
 
-    fn get(&mut self, field: Field, world: usize, out: &mut [f64]) {
-        self.blocks[world / L::WIDTH].get(field, &self.tables.sizes, world % L::WIDTH, out);
+    fn get(&self, field: Field, world: usize) -> Vec<f64> {
+        self.blocks[world / L::WIDTH].read(field, &self.model, world % L::WIDTH)
     }
 
     fn status(&self, world: usize) -> Status {
@@ -201,8 +194,7 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn rollout(&mut self, rollout: &Rollout<'_>) -> Trajectories {
-        let widths: Vec<usize> =
-            rollout.outputs.iter().map(|output| output.width(&self.model).unwrap_or(0)).collect();
+        let widths: Vec<usize> = rollout.outputs.iter().map(|output| output.width(&self.model).unwrap_or(0)).collect();
         let mut outputs: Vec<Vec<f64>> =
             widths.iter().map(|width| vec![0.0; self.nworld * rollout.nstep * width]).collect();
         let mut blocks = std::mem::take(&mut self.blocks);
@@ -255,14 +247,12 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         for (b, block) in blocks.iter_mut().enumerate() {
             let worlds = L::WIDTH.min(self.nworld - b * L::WIDTH);
             block.pad(worlds);
-            let mut run =
-                Run { applied: block.applied.as_deref(), clock: None, max_contacts: self.max_contacts };
+            let mut run = Run { applied: block.applied.as_deref(), clock: None, max_contacts: self.max_contacts };
             pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, &mut worker.workspace);
             if outputs.iter().any(Output::needs_energy) {
                 pipeline::energy(&self.tables, &block.state, &mut worker.workspace);
             }
-            let view =
-                View { model: &self.model, tables: &self.tables, block, workspace: &worker.workspace };
+            let view = View { model: &self.model, tables: &self.tables, block, workspace: &worker.workspace };
             for lane in 0..worlds {
                 sink(b * L::WIDTH + lane, outputs.iter().map(|output| output.values(&view, lane)).collect());
             }
@@ -271,7 +261,7 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         self.blocks = blocks;
     }
 
-    fn state_hash(&mut self) -> u64 {
+    fn state_hash(&self) -> u64 {
         let mut hash = Fnv::default();
         for world in 0..self.nworld {
             let state = &self.blocks[world / L::WIDTH].state;

@@ -27,10 +27,10 @@ impl<L: LaneQuery> Block<L> {
         Block { state, status: BlockStatus { alive, ..BlockStatus::default() }, applied: None }
     }
 
-    /// The field's entries; `None` for forces that were never set.
-    fn lanes(&mut self, field: Field, sizes: &Sizes, allocate: bool) -> Option<&mut [L]> {
+    /// The field's entries; allocates forces from outside.
+    fn lanes(&mut self, field: Field, sizes: &Sizes) -> &mut [L] {
         let state = &mut self.state;
-        Some(match field {
+        match field {
             Field::Time => &mut state.time,
             Field::Qpos => &mut state.qpos,
             Field::Qvel => &mut state.qvel,
@@ -38,9 +38,6 @@ impl<L: LaneQuery> Block<L> {
             Field::Ctrl => &mut state.ctrl,
             Field::QaccWarmstart => &mut state.qacc_warmstart,
             Field::QfrcApplied | Field::XfrcApplied => {
-                if self.applied.is_none() && !allocate {
-                    return None;
-                }
                 let applied = self.applied.get_or_insert_with(|| Box::new(Applied::new(sizes)));
                 if field == Field::QfrcApplied {
                     &mut applied.qfrc_applied
@@ -48,25 +45,31 @@ impl<L: LaneQuery> Block<L> {
                     applied.xfrc_applied.as_flattened_mut()
                 }
             }
-        })
+        }
     }
 
     /// Sets a field of one lane.
     pub fn set(&mut self, field: Field, sizes: &Sizes, lane: usize, values: &[f64]) {
-        for (entry, x) in self.lanes(field, sizes, true).into_iter().flatten().zip(values) {
+        for (entry, x) in self.lanes(field, sizes).iter_mut().zip(values) {
             entry.set(lane, L::Real::from_f64(*x));
         }
     }
 
-    /// Reads a field of one lane.
-    pub fn get(&mut self, field: Field, sizes: &Sizes, lane: usize, out: &mut [f64]) {
-        match self.lanes(field, sizes, false) {
-            Some(lanes) => {
-                for (x, entry) in out.iter_mut().zip(lanes) {
-                    *x = entry.get(lane).to_f64();
-                }
-            }
-            None => out.fill(0.0),
+    /// A field of one lane.
+    pub fn read(&self, field: Field, model: &crate::Model, lane: usize) -> Vec<f64> {
+        let state = &self.state;
+        let numbers = |lanes: &[L]| lanes.iter().map(|x| x.get(lane).to_f64()).collect();
+        let none = || vec![0.0; field.len(model)];
+        match (field, &self.applied) {
+            (Field::Time, _) => numbers(&state.time),
+            (Field::Qpos, _) => numbers(&state.qpos),
+            (Field::Qvel, _) => numbers(&state.qvel),
+            (Field::Act, _) => numbers(&state.act),
+            (Field::Ctrl, _) => numbers(&state.ctrl),
+            (Field::QaccWarmstart, _) => numbers(&state.qacc_warmstart),
+            (Field::QfrcApplied, Some(applied)) => numbers(&applied.qfrc_applied),
+            (Field::XfrcApplied, Some(applied)) => numbers(applied.xfrc_applied.as_flattened()),
+            (Field::QfrcApplied | Field::XfrcApplied, None) => none(),
         }
     }
 

@@ -6,7 +6,10 @@ use std::sync::{Arc, OnceLock};
 use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{self as kernel, Cast};
 
+use lanesim_kernels::options::{Cone, Integrator, Solver};
+
 use crate::diagnostics::Diagnostics;
+use crate::error::Error;
 use crate::spec::Spec;
 
 /// A compiled model. Immutable; a clone shares everything.
@@ -232,6 +235,67 @@ impl Model {
     /// Numbers of elements by MuJoCo's names.
     pub fn sizes(&self) -> &[(&'static str, usize)] {
         &self.0.counts
+    }
+
+    /// The state in which worlds start: the reference configuration at rest, without controls.
+    pub fn initial_key(&self) -> Key {
+        let sizes = &self.tables().sizes;
+        Key {
+            qpos: self.tables().qpos0.clone(),
+            qvel: vec![0.0; sizes.nv],
+            act: vec![0.0; sizes.na],
+            ctrl: vec![0.0; sizes.nu],
+            ..Key::default()
+        }
+    }
+
+    /// Range of an actuator's control for noise: its control range if it is limited, else [-1, 1].
+    pub fn control_range(&self, actuator: usize) -> [f64; 2] {
+        let actuator = &self.tables().actuators[actuator];
+        if actuator.ctrl_limited { actuator.ctrl_range } else { [-1.0, 1.0] }
+    }
+
+    /// Whether accelerations can be computed, or what is missing for them.
+    pub fn check_forward(&self) -> Result<(), Error> {
+        let tables = self.tables();
+        let options = &tables.options;
+        let missing = |what: String| Err(Error::Unsupported(what));
+        let constrained = !tables.pairs.is_empty() || !tables.limits.is_empty() || !tables.friction_losses.is_empty();
+        if options.solver != Solver::Newton && constrained {
+            return missing(format!("solver {:?} is not built yet (set option solver=Newton)", options.solver));
+        }
+        if options.noslip_iterations > 0 && constrained {
+            return missing("the noslip pass is not built yet (set option noslip_iterations=0)".into());
+        }
+        if options.cone == Cone::Elliptic && tables.pairs.iter().any(|pair| pair.condim > 1) {
+            return missing("elliptic cones are not built yet (set option cone=pyramidal)".into());
+        }
+        for pair in &tables.pairs {
+            let (a, b) = (&tables.geoms[pair.geom1 as usize], &tables.geoms[pair.geom2 as usize]);
+            if !lanesim_kernels::collision::supported(a.shape, b.shape) {
+                let name = |id: u32| format!("{id} \"{}\"", self.names().geoms.name(id as usize));
+                return missing(format!(
+                    "geoms {} and {} may touch, and contacts between {:?} and {:?} are not built yet (exclude their \
+                     bodies, or separate them with contype and conaffinity)",
+                    name(a.id),
+                    name(b.id),
+                    a.shape,
+                    b.shape
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the model can be stepped, or what is missing for it.
+    pub fn check_step(&self) -> Result<(), Error> {
+        let integrator = self.tables().options.integrator;
+        if integrator != Integrator::Euler {
+            return Err(Error::Unsupported(format!(
+                "integrator {integrator:?} is not built yet (set option integrator=Euler)"
+            )));
+        }
+        self.check_forward()
     }
 
     /// Notes and losses.

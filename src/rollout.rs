@@ -46,10 +46,12 @@ impl Rollout<'_> {
     pub fn check(&self, model: &Model, nworld: usize) -> Result<(), Error> {
         if let Some(output) = self.outputs.iter().find(|output| output.width(model).is_none()) {
             let name = output.name();
-            return Err(Error::Input(format!("{name} differs in length between worlds and cannot be recorded in a rollout")));
+            return Err(Error::Input(format!(
+                "{name} differs in length between worlds and cannot be recorded in a rollout"
+            )));
         }
         let Controls::Given(controls) = self.controls else { return Ok(()) };
-        let nu = model.tables.sizes.nu;
+        let nu = model.tables().sizes.nu;
         let (given, expected) = (controls.len(), nworld * self.nstep * nu);
         if given != expected {
             let nstep = self.nstep;

@@ -95,7 +95,7 @@ impl Field {
 
     /// Numbers per world.
     pub fn len(self, model: &Model) -> usize {
-        let sizes = &model.tables.sizes;
+        let sizes = &model.tables().sizes;
         match self {
             Field::Time => 1,
             Field::Qpos => sizes.nq,
@@ -110,15 +110,15 @@ impl Field {
 /// Many worlds of one model. A world's results are the same bits whatever its place, its neighbours, the number of worlds
 /// and the number of threads.
 pub struct Worlds {
-    model: Arc<Model>,
+    model: Model,
     options: Options,
     engine: Box<dyn Engine>,
 }
 
 impl Worlds {
     /// `nworld` worlds in the reference configuration, at rest.
-    pub fn new(model: &Arc<Model>, nworld: usize, options: &Options) -> Result<Self, Error> {
-        model.steppable()?;
+    pub fn new(model: &Model, nworld: usize, options: &Options) -> Result<Self, Error> {
+        model.check_forward()?;
         let pool = Pool::new(options.threads)?;
         let limit = options.max_contacts;
         let scalar = options.backend == Backend::Scalar;
@@ -132,7 +132,7 @@ impl Worlds {
     }
 
     /// The model.
-    pub fn model(&self) -> &Arc<Model> {
+    pub fn model(&self) -> &Model {
         &self.model
     }
 
@@ -177,7 +177,10 @@ impl Worlds {
         self.check_field(field, values.len())?;
         if let Some(i) = values.iter().position(|x| !x.is_finite()) {
             let x = values[i];
-            return Err(Error::Input(format!("{}[{i}] of world {world} is {x}; expected a finite number", field.name())));
+            return Err(Error::Input(format!(
+                "{}[{i}] of world {world} is {x}; expected a finite number",
+                field.name()
+            )));
         }
         self.engine.set(field, world, values);
         Ok(())
@@ -192,23 +195,14 @@ impl Worlds {
     }
 
     /// A field of one world.
-    pub fn get(&mut self, field: Field, world: usize) -> Result<Vec<f64>, Error> {
+    pub fn get(&self, field: Field, world: usize) -> Result<Vec<f64>, Error> {
         self.check_world(world)?;
-        let mut out = vec![0.0; field.len(&self.model)];
-        self.engine.get(field, world, &mut out);
-        Ok(out)
+        Ok(self.engine.get(field, world))
     }
 
     /// A field of all worlds, world by world.
-    pub fn get_all(&mut self, field: Field) -> Vec<f64> {
-        let width = field.len(&self.model);
-        let mut out = vec![0.0; width * self.nworld()];
-        if width > 0 {
-            for (world, row) in out.chunks_exact_mut(width).enumerate() {
-                self.engine.get(field, world, row);
-            }
-        }
-        out
+    pub fn get_all(&self, field: Field) -> Vec<f64> {
+        (0..self.nworld()).flat_map(|world| self.engine.get(field, world)).collect()
     }
 
     /// Status of one world.
@@ -228,8 +222,8 @@ impl Worlds {
         let model = self.model.clone();
         let state = match key {
             None => model.initial_key(),
-            Some(k) => model.keys.get(k).cloned().ok_or_else(|| {
-                Error::Unknown(format!("there is no keyframe {k}: the model has {}", model.keys.len()))
+            Some(k) => model.keys().get(k).cloned().ok_or_else(|| {
+                Error::Unknown(format!("there is no keyframe {k}: the model has {}", model.keys().len()))
             })?,
         };
         self.engine.reset(world, &state);
@@ -243,6 +237,9 @@ impl Worlds {
 
     /// Takes every world through `nstep` steps, block by block.
     pub fn rollout(&mut self, rollout: &Rollout<'_>) -> Result<Trajectories, Error> {
+        if rollout.nstep > 0 {
+            self.model.check_step()?;
+        }
         rollout.check(&self.model, self.nworld())?;
         Ok(self.engine.rollout(rollout))
     }
@@ -254,7 +251,7 @@ impl Worlds {
     }
 
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.
-    pub fn state_hash(&mut self) -> u64 {
+    pub fn state_hash(&self) -> u64 {
         self.engine.state_hash()
     }
 
@@ -272,12 +269,12 @@ pub trait Tables: Real {
 
 impl Tables for f64 {
     fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f64>> {
-        &model.tables
+        model.tables()
     }
 }
 
 impl Tables for f32 {
     fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f32>> {
-        &model.tables_f32
+        model.tables_f32()
     }
 }

@@ -169,17 +169,13 @@ pub fn step<L: LaneQuery>(
         clock.start();
     }
     forward(model, state, run, status, ws);
-    let force = &mut ws.acceleration.qfrc_smooth;
-    for (f, c) in force.iter_mut().zip(&ws.solver.fields.qfrc_constraint) {
-        *f += *c;
-    }
     integration::euler(
         model,
         &ws.inertia,
         &state.qpos,
         &state.qvel,
         &ws.solver.fields.qacc,
-        &ws.acceleration.qfrc_smooth,
+        [&ws.acceleration.qfrc_smooth, &ws.solver.fields.qfrc_constraint],
         &mut ws.integration,
     );
     commit(model, state, status, ws);

@@ -17,14 +17,22 @@ pub(crate) fn impedance(options: &Options, solref: [f64; 2], solimp: [f64; 5]) -
     let [time, damping] = safe(options, solref);
     let k = if time > 0.0 { 1.0 / (dmax * dmax * time * time * damping * damping) } else { -time / (dmax * dmax) };
     let b = if damping > 0.0 { 2.0 / (dmax * time) } else { -damping / dmax };
+    let dmin = dmin.clamp(MINIMP, MAXIMP);
+    let midpoint = midpoint.clamp(MINIMP, MAXIMP);
+    let power = power.max(1.0);
+    let flat = dmin == dmax || width <= MINVAL;
     Impedance {
+        flat,
+        small_power: if power == 1.0 || power == 2.0 { power as u8 } else { 0 },
         k,
         b,
-        dmin: dmin.clamp(MINIMP, MAXIMP),
+        dmin,
         dmax,
-        width: width.max(0.0),
-        midpoint: midpoint.clamp(MINIMP, MAXIMP),
-        power: power.max(1.0),
+        inverse_width: if flat { 0.0 } else { 1.0 / width },
+        midpoint,
+        power,
+        low: midpoint.powf(1.0 - power),
+        high: (1.0 - midpoint).powf(1.0 - power),
     }
 }
 
@@ -40,7 +48,7 @@ pub(crate) fn raised(options: &Options, solref: [f64; 2]) -> bool {
 
 /// Impedance at zero violation.
 fn at_zero(i: &Impedance<f64>) -> f64 {
-    if i.dmin == i.dmax || i.width <= MINVAL { 0.5 * (i.dmin + i.dmax) } else { i.dmin }
+    if i.flat { 0.5 * (i.dmin + i.dmax) } else { i.dmin }
 }
 
 /// The joint limits in force, in the order of joints.

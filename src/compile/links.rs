@@ -1,7 +1,7 @@
 //! Links: bodies with joints, and all that is fixed to them.
 
 use glam::DVec3;
-use lanesim_kernels::model::{Link, NONE, Span};
+use lanesim_kernels::model::{Body, Link, NONE, Span};
 
 use super::inertia::{self, Mass};
 use super::order::Scene;
@@ -100,6 +100,26 @@ impl Links {
     }
 
     /// Where bodies, their inertial frames, geoms and sites are.
+    /// The bodies as places where forces act.
+    pub fn bodies(&self, scene: &Scene) -> Vec<Body<f64>> {
+        let body = |(b, body): (usize, &super::order::Body)| {
+            let placement = self.place(b, &body.mass.frame);
+            Body { link: placement.link, com: placement.pos }
+        };
+        scene.bodies.iter().enumerate().map(body).collect()
+    }
+
+    /// Potential energy of the bodies that stand still.
+    pub fn potential_still(&self, scene: &Scene, gravity: [f64; 3]) -> f64 {
+        let energy = |(b, body): (usize, &super::order::Body)| {
+            let placement = self.place(b, &body.mass.frame);
+            let still = placement.link == NONE;
+            if still { -body.mass.mass * DVec3::from(gravity).dot(DVec3::from(placement.pos)) } else { 0.0 }
+        };
+        scene.bodies.iter().enumerate().map(energy).sum()
+    }
+
+    /// Where everything is that has a pose.
     pub fn placements(&self, scene: &Scene) -> Placements {
         Placements {
             bodies: (0..scene.bodies.len()).map(|b| self.place(b, &Pose::IDENTITY)).collect(),

@@ -90,8 +90,11 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     diagnostics.into_result()?;
 
     let keys = keys::keys(spec, &scene);
+    let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
         sizes: sizes(&scene, &links, &actuators, &pairs, nm),
+        potential_still: links.potential_still(&scene, gravity),
+        bodies: links.bodies(&scene),
         options: spec.option.clone(),
         features: features(&spec.option, &links, &joints, &dofs, &actuators),
         joints,
@@ -106,7 +109,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
-        gravity: if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] },
+        gravity,
         tree_root: links.tree_root.clone(),
         links: links.links.clone(),
     };
@@ -162,6 +165,7 @@ fn sizes(scene: &Scene, links: &Links, actuators: &Actuators, pairs: &pairs::Pai
         nlink: links.links.len(),
         ntree: links.tree_root.len(),
         npair: pairs.pairs.len(),
+        ncollider: pairs.geoms.len(),
         nslot: pairs.nslot,
         nm,
     }

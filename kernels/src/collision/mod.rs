@@ -90,6 +90,11 @@ impl<L: LaneQuery> Collision<L> {
             contacts: Vec::with_capacity(model.sizes.nslot),
         }
     }
+
+    /// Bytes of the list of contacts.
+    pub fn bytes(&self) -> usize {
+        self.contacts.capacity() * size_of::<Contact<L>>() + self.slots.capacity() * size_of::<Slot>()
+    }
 }
 
 /// The tree at whose origin a pair's contacts are placed, that of the second link or else of the first, as a link.

@@ -112,6 +112,13 @@ impl<L: Lane> Constraint<L> {
         }
     }
 
+    /// Bytes of the lists.
+    pub fn bytes(&self) -> usize {
+        self.dof_rows.capacity() * size_of::<DofRow<L>>()
+            + self.contact_rows.capacity() * size_of::<ContactRow<L>>()
+            + (self.reference.capacity() + self.jacobian.capacity() + 6 * self.motion.capacity()) * size_of::<L>()
+    }
+
     /// Whether no row acts in any world.
     pub fn is_empty(&self) -> bool {
         self.dof_rows.is_empty() && self.contact_rows.is_empty()

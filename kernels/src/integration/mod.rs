@@ -24,14 +24,15 @@ fields! {
     } L
 }
 
-/// Next state: v⁺ = v + h a, q⁺ = q ⊕ h v⁺, with (M + h B) a = `force` where damping is implicit, else a = `qacc`.
+/// Next state: v⁺ = v + h a, q⁺ = q ⊕ h v⁺, with (M + h B) a = the sum of `forces` where damping is implicit, else
+/// a = `qacc`.
 pub fn euler<L: Lane>(
     model: &Model<L::Real>,
     inertia: &Inertia<L>,
     qpos: &[L],
     qvel: &[L],
     qacc: &[L],
-    force: &[L],
+    forces: [&[L]; 2],
     out: &mut Integration<L>,
 ) {
     let h = L::of(model.options.timestep);
@@ -43,7 +44,9 @@ pub fn euler<L: Lane>(
             *diagonal = h.mul_add(damper_slope(dof, qvel[i]), *diagonal);
         }
         ldl::factor(&model.rows, &model.tree_pattern, &mut out.factor, &mut out.inverse);
-        out.qacc.copy_from_slice(force);
+        for (i, sum) in out.qacc.iter_mut().enumerate() {
+            *sum = forces[0][i] + forces[1][i];
+        }
         ldl::solve(&model.rows, &model.tree_pattern, &out.factor, &out.inverse, &mut out.qacc);
     }
     // + 0 turns a negative zero into a positive one, so that the sign of a zero that a wider factor or an inactive

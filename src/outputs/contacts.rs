@@ -1,0 +1,181 @@
+//! Contacts and constraint rows of one world, in MuJoCo's order and layout.
+
+use lanesim_kernels::collision::{origin, reference};
+use lanesim_kernels::constraint::{ContactRow, DofRow, DofRowKind};
+use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::model::NONE;
+
+use super::{Kind, View, number};
+
+/// MuJoCo's numbers for the types of rows.
+const FRICTION_DOF: i32 = 1;
+const LIMIT_JOINT: i32 = 3;
+const CONTACT_FRICTIONLESS: i32 = 5;
+const CONTACT_PYRAMIDAL: i32 = 6;
+
+/// A constraint row of one world.
+struct Row {
+    kind: i32,
+    id: usize,
+    jacobian: Vec<f64>,
+    pos: f64,
+    margin: f64,
+    d: f64,
+    aref: f64,
+    force: f64,
+}
+
+/// A contact of one world: its number in the block, and its first row.
+struct Contact {
+    index: usize,
+    row: Option<usize>,
+}
+
+pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) -> Vec<f64> {
+    let mut contacts = listed(view, lane);
+    let rows = rows(view, lane, &mut contacts);
+    let of_rows = |f: &dyn Fn(&Row) -> f64| rows.iter().map(f).collect();
+    let collision = &view.workspace.collision;
+    let pair = |c: &Contact| &view.tables.pairs[collision.slots[c.index].pair as usize];
+    let of_contacts = |f: &dyn Fn(&Contact) -> Vec<f64>| contacts.iter().flat_map(f).collect();
+    match kind {
+        Kind::Ncon => vec![contacts.len() as f64],
+        Kind::Nefc => vec![rows.len() as f64],
+        Kind::ContactGeom => of_contacts(&|c| {
+            [pair(c).geom1, pair(c).geom2].map(|g| f64::from(view.tables.geoms[g as usize].id)).to_vec()
+        }),
+        Kind::ContactDim => of_contacts(&|c| vec![f64::from(pair(c).condim)]),
+        Kind::ContactDist => of_contacts(&|c| vec![number(&collision.contacts[c.index].dist, lane)]),
+        Kind::ContactPos => of_contacts(&|c| {
+            let at = origin(view.tables, &view.workspace.position, reference(pair(c)));
+            let pos = &collision.contacts[c.index].pos;
+            (0..3).map(|k| number(&pos[k], lane) + number(&at[k], lane)).collect()
+        }),
+        Kind::ContactFrame => {
+            of_contacts(&|c| collision.contacts[c.index].frame.iter().map(|x| number(x, lane)).collect())
+        }
+        Kind::ContactFriction => of_contacts(&|c| pair(c).friction.map(Real::to_f64).to_vec()),
+        Kind::ContactMargin => of_contacts(&|c| vec![pair(c).margin.to_f64()]),
+        Kind::ContactEfc => of_contacts(&|c| vec![c.row.map_or(-1.0, |row| row as f64)]),
+        Kind::EfcType => of_rows(&|row| f64::from(row.kind)),
+        Kind::EfcId => of_rows(&|row| row.id as f64),
+        Kind::EfcJ => rows.iter().flat_map(|row| row.jacobian.iter().copied()).collect(),
+        Kind::EfcPos => of_rows(&|row| row.pos),
+        Kind::EfcMargin => of_rows(&|row| row.margin),
+        Kind::EfcD => of_rows(&|row| row.d),
+        Kind::EfcR => of_rows(&|row| 1.0 / row.d),
+        Kind::EfcAref => of_rows(&|row| row.aref),
+        Kind::EfcForce => of_rows(&|row| row.force),
+        _ => Vec::new(),
+    }
+}
+
+/// The contacts that the world has.
+fn listed<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<Contact> {
+    let exists = |dist: &L| dist.get(lane).to_f64() < L::Real::MAXVAL;
+    let contacts = &view.workspace.collision.contacts;
+    (0..contacts.len()).filter(|i| exists(&contacts[*i].dist)).map(|index| Contact { index, row: None }).collect()
+}
+
+/// The rows that act in the world; notes each contact's first.
+fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact]) -> Vec<Row> {
+    let constraint = &view.workspace.constraint;
+    let mut out = Vec::new();
+    for (i, row) in constraint.dof_rows.iter().enumerate() {
+        if row.d.get(lane).to_f64() > 0.0 {
+            out.push(dof_row(view, lane, row, i));
+        }
+    }
+    for row in &constraint.contact_rows {
+        if row.d.get(lane).to_f64() > 0.0 {
+            let Some(n) = contacts.iter().position(|c| c.index == row.contact as usize) else { continue };
+            contacts[n].row = Some(out.len());
+            edges(view, lane, row, n, &mut out);
+        }
+    }
+    out
+}
+
+fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, i: usize) -> Row {
+    let mut jacobian = vec![0.0; view.tables.sizes.nv];
+    let dof = row.dof as usize;
+    match row.kind {
+        DofRowKind::Friction | DofRowKind::Lower => jacobian[dof] = 1.0,
+        DofRowKind::Upper => jacobian[dof] = -1.0,
+        DofRowKind::Ball => {
+            for k in 0..3 {
+                jacobian[dof + k] = -number(&row.axis[k], lane);
+            }
+        }
+    }
+    let (kind, id, margin) = if row.kind == DofRowKind::Friction {
+        (FRICTION_DOF, dof, 0.0)
+    } else {
+        let limit = &view.tables.limits[row.id as usize];
+        (LIMIT_JOINT, limit.joint as usize, limit.margin.to_f64())
+    };
+    Row {
+        kind,
+        id,
+        jacobian,
+        pos: number(&row.pos, lane) + margin,
+        margin,
+        d: number(&row.d, lane),
+        aref: -number(&row.reference, lane),
+        force: number(&view.workspace.solver.force.dof[i], lane),
+    }
+}
+
+/// The rows of a contact: its normal, or the edges of its pyramid.
+fn edges<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>, id: usize, out: &mut Vec<Row>) {
+    let (first, dim) = (row.component as usize, row.dim as usize);
+    let components = component_jacobians(view, lane, row);
+    let constraint = &view.workspace.constraint;
+    let reference: Vec<f64> = (0..dim).map(|i| number(&constraint.reference[first + i], lane)).collect();
+    let y: Vec<f64> = (0..dim).map(|i| number(&view.workspace.solver.y.component[first + i], lane)).collect();
+    let d = number(&row.d, lane);
+    let margin = view.tables.pairs[row.pair as usize].margin.to_f64();
+    let pos = number(&view.workspace.collision.contacts[row.contact as usize].dist, lane);
+    let mut push = |kind: i32, j: usize, mu: f64| {
+        let mix = |v: &[f64]| if j == 0 { v[0] } else { mu.mul_add(v[j], v[0]) };
+        let jacobian =
+            (0..view.tables.sizes.nv).map(|dof| mix(&components.iter().map(|c| c[dof]).collect::<Vec<_>>())).collect();
+        let force = (-d * mix(&y)).max(0.0);
+        out.push(Row { kind, id, jacobian, pos, margin, d, aref: -mix(&reference), force });
+    };
+    if dim == 1 {
+        push(CONTACT_FRICTIONLESS, 0, 0.0);
+    }
+    for j in 1..dim {
+        let mu = number(&row.friction[j - 1], lane);
+        push(CONTACT_PYRAMIDAL, j, mu);
+        push(CONTACT_PYRAMIDAL, j, -mu);
+    }
+}
+
+/// Dense Jacobians of a contact's components.
+fn component_jacobians<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>) -> Vec<Vec<f64>> {
+    let (first, dim) = (row.component as usize, row.dim as usize);
+    let mut out = vec![vec![0.0; view.tables.sizes.nv]; dim];
+    let constraint = &view.workspace.constraint;
+    if row.link == NONE {
+        let dofs = &view.tables.pair_dofs[view.tables.pairs[row.pair as usize].dofs.range()];
+        for (n, entry) in dofs.iter().enumerate() {
+            for (i, jacobian) in out.iter_mut().enumerate() {
+                let at = row.jacobian as usize + n * dim + i;
+                jacobian[entry.dof as usize] = number(&constraint.jacobian[at], lane);
+            }
+        }
+        return out;
+    }
+    let mut dof = view.tables.links[row.link as usize].dofs.range().end as u32 - 1;
+    while dof != NONE {
+        let motion = &view.workspace.position.cdof[dof as usize];
+        for (i, jacobian) in out.iter_mut().enumerate() {
+            let w = &constraint.motion[first + i];
+            jacobian[dof as usize] = (0..6).map(|k| number(&w[k], lane) * number(&motion[k], lane)).sum();
+        }
+        dof = view.tables.dofs[dof as usize].parent;
+    }
+    out
+}

@@ -1,0 +1,308 @@
+//! Outputs: what a run can return, by MuJoCo's names.
+
+mod contacts;
+mod frames;
+
+use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::model::Model as KernelModel;
+use lanesim_kernels::workspace::Workspace;
+
+use crate::block::Block;
+use crate::error::Error;
+use crate::model::Model;
+use crate::worlds::Field;
+
+/// A world's stages, for outputs.
+pub(crate) struct View<'a, L: LaneQuery> {
+    pub model: &'a Model,
+    pub tables: &'a KernelModel<L::Real>,
+    pub block: &'a Block<L>,
+    pub workspace: &'a Workspace<L>,
+}
+
+/// What an output is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    State(Field),
+    Status,
+    Xpos,
+    Xquat,
+    Xmat,
+    Xipos,
+    Ximat,
+    SubtreeCom,
+    GeomXpos,
+    GeomXquat,
+    GeomXmat,
+    SiteXpos,
+    SiteXquat,
+    SiteXmat,
+    Xanchor,
+    Xaxis,
+    Cdof,
+    Xvel,
+    ActuatorLength,
+    ActuatorVelocity,
+    ActuatorForce,
+    QfrcActuator,
+    QM,
+    QfrcBias,
+    QfrcPassive,
+    QfrcGravcomp,
+    QfrcSmooth,
+    QaccSmooth,
+    QfrcConstraint,
+    Qacc,
+    Energy,
+    SolverNiter,
+    Ncon,
+    Nefc,
+    ContactGeom,
+    ContactDim,
+    ContactDist,
+    ContactPos,
+    ContactFrame,
+    ContactFriction,
+    ContactMargin,
+    ContactEfc,
+    EfcType,
+    EfcId,
+    EfcJ,
+    EfcPos,
+    EfcMargin,
+    EfcD,
+    EfcR,
+    EfcAref,
+    EfcForce,
+}
+
+/// Names, and one line each of what they are.
+const TABLE: [(&str, Kind, &str); 59] = [
+    ("time", Kind::State(Field::Time), "time, s"),
+    ("qpos", Kind::State(Field::Qpos), "positions"),
+    ("qvel", Kind::State(Field::Qvel), "velocities"),
+    ("act", Kind::State(Field::Act), "activations"),
+    ("ctrl", Kind::State(Field::Ctrl), "controls"),
+    ("qacc_warmstart", Kind::State(Field::QaccWarmstart), "start of the solver"),
+    ("qfrc_applied", Kind::State(Field::QfrcApplied), "generalised forces from outside"),
+    ("xfrc_applied", Kind::State(Field::XfrcApplied), "forces and torques on bodies from outside"),
+    ("status", Kind::Status, "status bits"),
+    ("xpos", Kind::Xpos, "positions of body frames, m"),
+    ("xquat", Kind::Xquat, "orientations of body frames"),
+    ("xmat", Kind::Xmat, "the same as matrices"),
+    ("xipos", Kind::Xipos, "centres of mass of bodies, m"),
+    ("ximat", Kind::Ximat, "orientations of bodies' inertial frames"),
+    ("subtree_com", Kind::SubtreeCom, "centre of mass of each body and its descendants, m"),
+    ("geom_xpos", Kind::GeomXpos, "positions of geoms, m"),
+    ("geom_xquat", Kind::GeomXquat, "orientations of geoms"),
+    ("geom_xmat", Kind::GeomXmat, "the same as matrices"),
+    ("site_xpos", Kind::SiteXpos, "positions of sites, m"),
+    ("site_xquat", Kind::SiteXquat, "orientations of sites"),
+    ("site_xmat", Kind::SiteXmat, "the same as matrices"),
+    ("xanchor", Kind::Xanchor, "anchors of joints, m"),
+    ("xaxis", Kind::Xaxis, "axes of joints"),
+    ("cdof", Kind::Cdof, "motion of each dof (angular, linear) at its tree's centre of mass"),
+    ("xvel", Kind::Xvel, "velocities of body frames (angular, linear)"),
+    ("actuator_length", Kind::ActuatorLength, "actuator lengths"),
+    ("actuator_velocity", Kind::ActuatorVelocity, "actuator velocities"),
+    ("actuator_force", Kind::ActuatorForce, "actuator forces"),
+    ("qfrc_actuator", Kind::QfrcActuator, "generalised force of actuators"),
+    ("qM", Kind::QM, "inertia matrix, dense"),
+    ("M", Kind::QM, "inertia matrix, dense"),
+    ("qfrc_bias", Kind::QfrcBias, "Coriolis, centrifugal and gravity forces"),
+    ("qfrc_passive", Kind::QfrcPassive, "passive forces"),
+    ("qfrc_gravcomp", Kind::QfrcGravcomp, "gravity compensation"),
+    ("qfrc_smooth", Kind::QfrcSmooth, "all forces but the constraints'"),
+    ("qacc_smooth", Kind::QaccSmooth, "acceleration without constraints"),
+    ("qfrc_constraint", Kind::QfrcConstraint, "generalised force of constraints"),
+    ("qacc", Kind::Qacc, "acceleration"),
+    ("energy", Kind::Energy, "potential and kinetic energy, J"),
+    ("solver_niter", Kind::SolverNiter, "solver iterations"),
+    ("ncon", Kind::Ncon, "number of contacts"),
+    ("nefc", Kind::Nefc, "number of constraint rows"),
+    ("contact_geom", Kind::ContactGeom, "geoms of contacts"),
+    ("contact_dim", Kind::ContactDim, "dimensions of contacts"),
+    ("contact_dist", Kind::ContactDist, "distances of contacts, m"),
+    ("contact_pos", Kind::ContactPos, "positions of contacts, m"),
+    ("contact_frame", Kind::ContactFrame, "frames of contacts: normal and two tangents"),
+    ("contact_friction", Kind::ContactFriction, "friction of contacts"),
+    ("contact_margin", Kind::ContactMargin, "distance below which force acts, m"),
+    ("contact_efc", Kind::ContactEfc, "first row of each contact, or -1"),
+    ("efc_type", Kind::EfcType, "types of rows"),
+    ("efc_id", Kind::EfcId, "dof, joint or contact of each row"),
+    ("efc_J", Kind::EfcJ, "constraint Jacobian, dense"),
+    ("efc_pos", Kind::EfcPos, "violations of rows"),
+    ("efc_margin", Kind::EfcMargin, "margins of rows"),
+    ("efc_D", Kind::EfcD, "1/R of rows"),
+    ("efc_R", Kind::EfcR, "regularisers of rows"),
+    ("efc_aref", Kind::EfcAref, "reference accelerations of rows"),
+    ("efc_force", Kind::EfcForce, "forces of rows"),
+];
+
+/// An output that was asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Output {
+    name: &'static str,
+    kind: Kind,
+}
+
+impl Output {
+    /// The output called `name`.
+    pub fn named(name: &str) -> Result<Output, Error> {
+        TABLE.iter().find(|row| row.0 == name).map(|row| Output { name: row.0, kind: row.1 }).ok_or_else(|| {
+            let names: Vec<&str> = TABLE.iter().map(|row| row.0).collect();
+            Error::Unknown(format!("there is no output {name}; there are {}", names.join(", ")))
+        })
+    }
+
+    /// Names and meanings of all outputs.
+    pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
+        TABLE.iter().map(|row| (row.0, row.2))
+    }
+
+    /// Name.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Whether the numbers are integers.
+    pub fn is_integer(&self) -> bool {
+        use Kind::{ContactDim, ContactEfc, ContactGeom, EfcId, EfcType, Ncon, Nefc, SolverNiter, Status};
+        matches!(
+            self.kind,
+            Status | SolverNiter | Ncon | Nefc | ContactGeom | ContactDim | ContactEfc | EfcType | EfcId
+        )
+    }
+
+    /// Whether the energy stage must run.
+    pub(crate) fn needs_energy(&self) -> bool {
+        self.kind == Kind::Energy
+    }
+
+    /// Shape per world; `None` where the first dimension, of which this is the rest, differs between worlds.
+    pub fn shape(&self, model: &Model) -> (bool, Vec<usize>) {
+        let s = &model.tables().sizes;
+        let fixed = |shape: &[usize]| (true, shape.to_vec());
+        let ragged = |shape: &[usize]| (false, shape.to_vec());
+        match self.kind {
+            Kind::State(Field::XfrcApplied) => fixed(&[s.nbody, 6]),
+            Kind::State(Field::Time) | Kind::Status | Kind::SolverNiter | Kind::Ncon | Kind::Nefc => fixed(&[]),
+            Kind::State(field) => fixed(&[field.len(model)]),
+            Kind::Xpos | Kind::Xipos | Kind::SubtreeCom => fixed(&[s.nbody, 3]),
+            Kind::Xquat => fixed(&[s.nbody, 4]),
+            Kind::Xmat | Kind::Ximat => fixed(&[s.nbody, 9]),
+            Kind::GeomXpos => fixed(&[s.ngeom, 3]),
+            Kind::GeomXquat => fixed(&[s.ngeom, 4]),
+            Kind::GeomXmat => fixed(&[s.ngeom, 9]),
+            Kind::SiteXpos => fixed(&[s.nsite, 3]),
+            Kind::SiteXquat => fixed(&[s.nsite, 4]),
+            Kind::SiteXmat => fixed(&[s.nsite, 9]),
+            Kind::Xanchor | Kind::Xaxis => fixed(&[s.njnt, 3]),
+            Kind::Cdof => fixed(&[s.nv, 6]),
+            Kind::Xvel => fixed(&[s.nbody, 6]),
+            Kind::ActuatorLength | Kind::ActuatorVelocity | Kind::ActuatorForce => fixed(&[s.nu]),
+            Kind::QM => fixed(&[s.nv, s.nv]),
+            Kind::QfrcActuator
+            | Kind::QfrcBias
+            | Kind::QfrcPassive
+            | Kind::QfrcGravcomp
+            | Kind::QfrcSmooth
+            | Kind::QaccSmooth
+            | Kind::QfrcConstraint
+            | Kind::Qacc => fixed(&[s.nv]),
+            Kind::Energy => fixed(&[2]),
+            Kind::ContactGeom => ragged(&[2]),
+            Kind::ContactPos => ragged(&[3]),
+            Kind::ContactFrame => ragged(&[9]),
+            Kind::ContactFriction => ragged(&[5]),
+            Kind::EfcJ => ragged(&[s.nv]),
+            Kind::ContactDim
+            | Kind::ContactDist
+            | Kind::ContactMargin
+            | Kind::ContactEfc
+            | Kind::EfcType
+            | Kind::EfcId
+            | Kind::EfcPos
+            | Kind::EfcMargin
+            | Kind::EfcD
+            | Kind::EfcR
+            | Kind::EfcAref
+            | Kind::EfcForce => ragged(&[]),
+        }
+    }
+
+    /// Numbers per world, if all worlds have the same number.
+    pub fn width(&self, model: &Model) -> Option<usize> {
+        let (fixed, shape) = self.shape(model);
+        fixed.then(|| shape.iter().product())
+    }
+
+    /// Writes a world's numbers to `out`.
+    pub(crate) fn write<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, out: &mut [f64]) {
+        for (to, from) in out.iter_mut().zip(self.values(view, lane)) {
+            *to = from;
+        }
+    }
+
+    /// A world's numbers.
+    pub(crate) fn values<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize) -> Vec<f64> {
+        let ws = view.workspace;
+        let read = |lanes: &[L]| lanes.iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
+        let placements = view.model.placements();
+        match self.kind {
+            Kind::State(field) => view.block.read(field, view.model, lane),
+            Kind::Status => vec![f64::from(view.block.status.lane(lane).0)],
+            Kind::Xpos => frames::positions(view, lane, &placements.bodies),
+            Kind::Xquat => frames::quaternions(view, lane, &placements.bodies),
+            Kind::Xmat => frames::matrices(view, lane, &placements.bodies),
+            Kind::Xipos => frames::positions(view, lane, &placements.inertials),
+            Kind::Ximat => frames::matrices(view, lane, &placements.inertials),
+            Kind::SubtreeCom => frames::subtree_com(view, lane).into_flattened(),
+            Kind::GeomXpos => frames::positions(view, lane, &placements.geoms),
+            Kind::GeomXquat => frames::quaternions(view, lane, &placements.geoms),
+            Kind::GeomXmat => frames::matrices(view, lane, &placements.geoms),
+            Kind::SiteXpos => frames::positions(view, lane, &placements.sites),
+            Kind::SiteXquat => frames::quaternions(view, lane, &placements.sites),
+            Kind::SiteXmat => frames::matrices(view, lane, &placements.sites),
+            Kind::Xanchor => frames::anchors(view, lane),
+            Kind::Xaxis => frames::axes(view, lane),
+            Kind::Cdof => frames::cdof(view, lane),
+            Kind::Xvel => frames::velocities(view, lane),
+            Kind::ActuatorLength => read(&ws.actuation.length),
+            Kind::ActuatorVelocity => read(&ws.actuation.velocity),
+            Kind::ActuatorForce => read(&ws.actuation.force),
+            Kind::QfrcActuator => read(&ws.actuation.qfrc_actuator),
+            Kind::QM => dense_inertia(view, lane),
+            Kind::QfrcBias => read(&ws.velocity.qfrc_bias),
+            Kind::QfrcPassive => read(&ws.passive.qfrc_passive),
+            Kind::QfrcGravcomp => read(&ws.passive.qfrc_gravcomp),
+            Kind::QfrcSmooth => read(&ws.acceleration.qfrc_smooth),
+            Kind::QaccSmooth => read(&ws.acceleration.qacc_smooth),
+            Kind::QfrcConstraint => read(&ws.solver.fields.qfrc_constraint),
+            Kind::Qacc => read(&ws.solver.fields.qacc),
+            Kind::Energy => vec![number(&ws.energy.potential[0], lane), number(&ws.energy.kinetic[0], lane)],
+            Kind::SolverNiter => vec![number(&ws.solver.statistics.niter, lane)],
+            _ => contacts::values(self.kind, view, lane),
+        }
+    }
+}
+
+/// A lane's entry, widened; a zero of either sign is +0.
+fn number<L: LaneQuery>(x: &L, lane: usize) -> f64 {
+    x.get(lane).to_f64() + 0.0
+}
+
+/// The inertia matrix as nv × nv numbers.
+fn dense_inertia<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
+    let nv = view.tables.sizes.nv;
+    let mut out = vec![0.0; nv * nv];
+    for i in 0..nv {
+        let columns = view.tables.tree_pattern.row(i).iter().flat_map(|run| run.range()).chain([i]);
+        for j in columns {
+            let x = number(&view.workspace.inertia.m[view.tables.rows.at(i, j)], lane);
+            out[i * nv + j] = x;
+            out[j * nv + i] = x;
+        }
+    }
+    out
+}
