@@ -5,6 +5,8 @@ mod block;
 pub mod compile;
 pub mod diagnostics;
 pub mod error;
+pub mod eval;
+pub mod mjcf;
 pub mod model;
 pub mod noise;
 pub mod npz;

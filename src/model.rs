@@ -1,6 +1,7 @@
 //! The compiled model: what the kernels run, and what users ask of it by name.
 
 use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use lanesim_kernels::lane::Real;
@@ -10,6 +11,7 @@ use lanesim_kernels::options::{Cone, Integrator, Solver};
 
 use crate::diagnostics::Diagnostics;
 use crate::error::Error;
+use crate::mjcf::{self, LoadOptions};
 use crate::spec::Spec;
 
 /// A compiled model. Immutable; a clone shares everything.
@@ -180,6 +182,16 @@ pub struct Report {
 }
 
 impl Model {
+    /// Loads and compiles an MJCF file.
+    pub fn from_xml_path(path: &Path, options: &LoadOptions) -> Result<Model, Diagnostics> {
+        Model::from_spec(&mjcf::load(path, options)?)
+    }
+
+    /// Parses and compiles MJCF text.
+    pub fn from_xml_string(text: &str, options: &LoadOptions) -> Result<Model, Diagnostics> {
+        Model::from_spec(&mjcf::parse(text, options)?)
+    }
+
     /// Compiles a spec, or says everything that is wrong with it.
     pub fn from_spec(spec: &Spec) -> Result<Model, Diagnostics> {
         crate::compile::compile(spec)

@@ -44,7 +44,7 @@ impl Arrays {
     }
 
     fn insert(&mut self, name: &'static str, width: usize, len: usize, data: ArrayData) {
-        let shape = len.checked_div(width).map_or_else(|| vec![len], |n| vec![n, width]);
+        let shape = if width == 0 { vec![len] } else { vec![len / width, width] };
         self.0.insert(name, Array { shape, data });
     }
 }

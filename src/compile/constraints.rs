@@ -18,8 +18,7 @@ pub(crate) fn impedance(options: &Options, solref: [f64; 2], solimp: [f64; 5]) -
     let k = if time > 0.0 { 1.0 / (dmax * dmax * time * time * damping * damping) } else { -time / (dmax * dmax) };
     let b = if damping > 0.0 { 2.0 / (dmax * time) } else { -damping / dmax };
     let dmin = dmin.clamp(MINIMP, MAXIMP);
-    let midpoint = midpoint.clamp(MINIMP, MAXIMP);
-    let power = power.max(1.0);
+    let (width, midpoint, power) = (width.max(0.0), midpoint.clamp(MINIMP, MAXIMP), power.max(1.0));
     let flat = dmin == dmax || width <= MINVAL;
     Impedance {
         flat,

@@ -19,7 +19,10 @@ pub(crate) struct Mass {
 }
 
 impl Mass {
-    pub const NONE: Mass = Mass { mass: 0.0, frame: Pose::IDENTITY, inertia: DVec3::ZERO };
+    /// No mass, at a frame.
+    pub fn none(frame: Pose) -> Mass {
+        Mass { mass: 0.0, frame, inertia: DVec3::ZERO }
+    }
 
     /// The same, with the frame given in a frame in which its present one has pose `pose`.
     pub fn moved(&self, pose: &Pose) -> Mass {
@@ -48,10 +51,8 @@ impl Mass {
 
 /// The mass of rigidly connected parts, in the frame in which theirs are given. A lone part is left as it is.
 pub(crate) fn combine(parts: &[Mass]) -> Mass {
-    match parts {
-        [] => return Mass::NONE,
-        [one] => return *one,
-        _ => {}
+    if let [one] = parts {
+        return *one;
     }
     let (mass, com, tensor) = total(parts);
     let (inertia, quat) = principal(tensor);
@@ -204,7 +205,7 @@ fn solid_ellipsoid([a, b, c]: [f64; 3]) -> DVec3 {
 /// Mass of a geom, with its frame in the body.
 pub(crate) fn of_geom(geom: &spec::Geom) -> Mass {
     if geom.shape == Shape::Plane {
-        return Mass::NONE;
+        return Mass::none(Pose::new(geom.pos, geom.quat));
     }
     let mass = match geom.mass {
         GeomMass::Mass(mass) => mass,
@@ -217,8 +218,9 @@ pub(crate) fn of_geom(geom: &spec::Geom) -> Mass {
     }
 }
 
-/// Mass of a body as written, before bounds: from `inertial` or from geoms. `Err`: why a full inertia is refused.
-pub(crate) fn of_body(body: &spec::Body, compiler: &spec::Compiler) -> Result<Mass, &'static str> {
+/// Mass of a body as written, before bounds: from `inertial` or from geoms, if it has either. `Err`: why a full inertia
+/// is refused.
+pub(crate) fn of_body(body: &spec::Body, compiler: &spec::Compiler) -> Result<Option<Mass>, &'static str> {
     let [low, high] = compiler.inertiagrouprange;
     let from_geoms = || {
         let parts: Vec<Mass> = body
@@ -231,16 +233,15 @@ pub(crate) fn of_body(body: &spec::Body, compiler: &spec::Compiler) -> Result<Ma
         (!parts.is_empty()).then(|| combine(&parts))
     };
     let written = || body.inertial.as_ref().map(of_inertial).transpose();
-    let mass = match compiler.inertiafromgeom {
-        InertiaFromGeom::False => written()?,
-        InertiaFromGeom::Auto if body.inertial.is_some() => written()?,
-        InertiaFromGeom::Auto => from_geoms(),
+    match compiler.inertiafromgeom {
+        InertiaFromGeom::False => written(),
+        InertiaFromGeom::Auto if body.inertial.is_some() => written(),
+        InertiaFromGeom::Auto => Ok(from_geoms()),
         InertiaFromGeom::True => match from_geoms() {
-            None => written()?,
-            some => some,
+            None => written(),
+            some => Ok(some),
         },
-    };
-    Ok(mass.unwrap_or(Mass::NONE))
+    }
 }
 
 fn of_inertial(inertial: &spec::Inertial) -> Result<Mass, &'static str> {
@@ -323,7 +324,7 @@ mod tests {
             ],
             ..Default::default()
         };
-        let mass = of_body(&body, &spec::Compiler::default()).unwrap();
+        let mass = of_body(&body, &spec::Compiler::default()).unwrap().unwrap();
         assert!((mass.mass - 52.1887902047864).abs() < 1e-12);
         assert!((mass.frame.pos - DVec3::new(0.08026225916235598, 0.919737740837644, 0.0)).length() < 1e-15);
         let expected = DVec3::new(9.569400295328954, 8.521932040405327, 1.8492869058955188);

@@ -99,27 +99,23 @@ impl Links {
         }
     }
 
-    /// Where bodies, their inertial frames, geoms and sites are.
-    /// The bodies as places where forces act.
+    /// The bodies' table.
     pub fn bodies(&self, scene: &Scene) -> Vec<Body<f64>> {
-        let body = |(b, body): (usize, &super::order::Body)| {
-            let placement = self.place(b, &body.mass.frame);
-            Body { link: placement.link, com: placement.pos }
-        };
-        scene.bodies.iter().enumerate().map(body).collect()
+        let com = |(b, body): (usize, &super::order::Body)| self.body_pose[b].then(&body.mass.frame).pos.to_array();
+        let link = self.body_link.iter();
+        link.zip(scene.bodies.iter().enumerate().map(com)).map(|(&link, com)| Body { link, com }).collect()
     }
 
     /// Potential energy of the bodies that stand still.
     pub fn potential_still(&self, scene: &Scene, gravity: [f64; 3]) -> f64 {
-        let energy = |(b, body): (usize, &super::order::Body)| {
-            let placement = self.place(b, &body.mass.frame);
-            let still = placement.link == NONE;
-            if still { -body.mass.mass * DVec3::from(gravity).dot(DVec3::from(placement.pos)) } else { 0.0 }
+        let still = scene.bodies.iter().enumerate().filter(|&(b, _)| self.body_link[b] == NONE);
+        let height = |(b, body): (usize, &super::order::Body)| {
+            -body.mass.mass * DVec3::from(gravity).dot(self.body_pose[b].then(&body.mass.frame).pos)
         };
-        scene.bodies.iter().enumerate().map(energy).sum()
+        still.map(height).sum()
     }
 
-    /// Where everything is that has a pose.
+    /// Where bodies, their inertial frames, geoms and sites are.
     pub fn placements(&self, scene: &Scene) -> Placements {
         Placements {
             bodies: (0..scene.bodies.len()).map(|b| self.place(b, &Pose::IDENTITY)).collect(),

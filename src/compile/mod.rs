@@ -93,8 +93,6 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
         sizes: sizes(&scene, &links, &actuators, &pairs, nm),
-        potential_still: links.potential_still(&scene, gravity),
-        bodies: links.bodies(&scene),
         options: spec.option.clone(),
         features: features(&spec.option, &links, &joints, &dofs, &actuators),
         joints,
@@ -109,7 +107,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
+        potential_still: links.potential_still(&scene, gravity),
         gravity,
+        bodies: links.bodies(&scene),
         tree_root: links.tree_root.clone(),
         links: links.links.clone(),
     };

@@ -109,12 +109,13 @@ fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, notes: &mut Vec<Str
     }
     let draft = |&index: &usize| {
         let body = &spec.bodies[index];
-        let mass = if index == 0 { Mass::NONE } else { body_mass(spec, index, diagnostics, notes) };
+        let pose = if index == 0 { Pose::IDENTITY } else { Pose::new(body.pos, body.quat) };
+        let mass = if index == 0 { Mass::none(pose) } else { body_mass(spec, index, pose, diagnostics, notes) };
         Draft {
             spec: body,
             index,
             parent: if index == 0 { 0 } else { position[body.parent] },
-            pose: if index == 0 { Pose::IDENTITY } else { Pose::new(body.pos, body.quat) },
+            pose,
             mass,
             geoms: body.geoms.iter().map(|g| (g, Pose::new(g.pos, g.quat))).collect(),
             sites: body.sites.iter().map(|s| (s, Pose::new(s.pos, s.quat))).collect(),
@@ -124,15 +125,16 @@ fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, notes: &mut Vec<Str
 }
 
 /// Mass of a body with bounds and rules applied.
-fn body_mass(spec: &Spec, index: usize, diagnostics: &mut Diagnostics, notes: &mut Vec<String>) -> Mass {
+fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostics, notes: &mut Vec<String>) -> Mass {
     let (body, compiler) = (&spec.bodies[index], &spec.compiler);
     let source = body.inertial.as_ref().map_or(&body.source, |i| &i.source);
     let label = || label("body", &body.name, index);
     let mut mass = match inertia::of_body(body, compiler) {
-        Ok(mass) => mass,
+        // MuJoCo puts the inertial frame of a body without mass where the body is in its parent.
+        Ok(mass) => mass.unwrap_or(Mass::none(pose)),
         Err(message) => {
             diagnostics.push(source, label(), message, "check the products of inertia");
-            return Mass::NONE;
+            return Mass::none(pose);
         }
     };
     mass.mass = mass.mass.max(compiler.boundmass);
@@ -181,7 +183,9 @@ fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
         if parent != 0 {
             let parts: Vec<Mass> =
                 [target.mass, draft.mass.moved(&pose)].into_iter().filter(|m| m.mass > 0.0).collect();
-            target.mass = inertia::combine(&parts);
+            if !parts.is_empty() {
+                target.mass = inertia::combine(&parts);
+            }
         }
         host.push((parent, pose));
     }

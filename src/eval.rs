@@ -1,0 +1,132 @@
+//! Evaluation: given states in, named arrays out.
+
+use std::collections::BTreeMap;
+
+use crate::error::Error;
+use crate::model::{ArrayData, Model};
+use crate::npz::{Array, Data};
+use crate::outputs::Output;
+use crate::worlds::{Field, Options, Worlds};
+
+/// What a field name stands for.
+enum Request {
+    /// An array of the model: comes once.
+    Model(ArrayData, Vec<usize>),
+    /// An output of every world.
+    World(Output),
+}
+
+/// Inputs that may be given, by name.
+const INPUTS: [Field; 7] =
+    [Field::Time, Field::Qpos, Field::Qvel, Field::Act, Field::Ctrl, Field::QfrcApplied, Field::XfrcApplied];
+
+/// Evaluates `fields` for the states in `inputs` (arrays `[N, ...]`; none at all: one world in the reference
+/// configuration), after `nstep` steps. Outputs have a leading `[N]`; those whose length differs between worlds are padded
+/// with zeros to the longest. Model arrays come once.
+pub fn eval(
+    model: &Model,
+    inputs: &BTreeMap<String, Array>,
+    fields: &[&str],
+    nstep: usize,
+    options: &Options,
+) -> Result<Vec<(String, Array)>, Error> {
+    let requests = fields.iter().map(|name| request(model, name)).collect::<Result<Vec<_>, _>>()?;
+    let nworld = count(model, inputs)?;
+    let outputs: Vec<Output> =
+        requests.iter().filter_map(|r| if let Request::World(output) = r { Some(*output) } else { None }).collect();
+    let mut columns: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(nworld); outputs.len()];
+    if !outputs.is_empty() {
+        let mut worlds = Worlds::new(model, nworld, options)?;
+        load(model, inputs, &mut worlds)?;
+        if nstep > 0 {
+            worlds.step(nstep)?;
+        }
+        worlds.forward(&outputs, &mut |_, values| {
+            for (column, value) in columns.iter_mut().zip(values) {
+                column.push(value);
+            }
+        });
+    }
+    let mut columns = columns.into_iter();
+    let mut out = Vec::with_capacity(fields.len());
+    for (name, request) in fields.iter().zip(requests) {
+        let array = match request {
+            Request::Model(data, shape) => {
+                let data = match data {
+                    ArrayData::F64(x) => Data::F64(x),
+                    ArrayData::I32(x) => Data::I32(x),
+                };
+                Array::new(shape, data)
+            }
+            Request::World(output) => join(model, &output, columns.next().unwrap_or_default()),
+        };
+        let array = array.ok_or_else(|| Error::Input(format!("{name} has more entries than can be counted")))?;
+        out.push(((*name).to_string(), array));
+    }
+    Ok(out)
+}
+
+fn request(model: &Model, name: &str) -> Result<Request, Error> {
+    if let Some(array) = model.array(name) {
+        return Ok(Request::Model(array.data.clone(), array.shape.clone()));
+    }
+    Output::named(name).map(Request::World).map_err(|e| {
+        let arrays: Vec<&str> = model.array_names().collect();
+        Error::Unknown(format!("{e}; model arrays are {}", arrays.join(", ")))
+    })
+}
+
+/// Number of worlds that the inputs describe; checks names and shapes.
+fn count(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<usize, Error> {
+    let mut nworld = None;
+    for (name, array) in inputs {
+        let Some(field) = INPUTS.iter().find(|field| field.name() == name.as_str()) else {
+            let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
+            return Err(Error::Input(format!("unknown input array {name}; inputs are {}", known.join(", "))));
+        };
+        let width = field.len(model);
+        let n = array.shape().first().copied().unwrap_or(0);
+        let entries: usize = array.shape().iter().skip(1).product();
+        if array.shape().is_empty() || entries != width {
+            let shape = array.shape();
+            return Err(Error::Input(format!("{name} has shape {shape:?}; expected [N, {width}] entries per world")));
+        }
+        if *nworld.get_or_insert(n) != n {
+            return Err(Error::Input(format!("{name} has {n} worlds, another input has {}", nworld.unwrap_or(0))));
+        }
+    }
+    Ok(nworld.unwrap_or(1))
+}
+
+fn load(model: &Model, inputs: &BTreeMap<String, Array>, worlds: &mut Worlds) -> Result<(), Error> {
+    for field in INPUTS {
+        let Some(array) = inputs.get(field.name()) else { continue };
+        let width = field.len(model);
+        if width > 0 {
+            for (world, row) in array.to_f64().chunks_exact(width).enumerate() {
+                worlds.set(field, world, row)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// One array from the worlds' rows.
+fn join(model: &Model, output: &Output, rows: Vec<Vec<f64>>) -> Option<Array> {
+    let (fixed, rest) = output.shape(model);
+    let mut shape = vec![rows.len()];
+    let width: usize = rest.iter().product();
+    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
+    if !fixed {
+        shape.push(longest.checked_div(width).unwrap_or(0));
+    }
+    shape.extend(rest);
+    let len = if fixed { width } else { longest };
+    let mut data = Vec::with_capacity(len * rows.len());
+    for row in &rows {
+        data.extend_from_slice(row);
+        data.resize(data.len() + len - row.len(), 0.0);
+    }
+    let data = if output.is_integer() { Data::I32(data.iter().map(|x| *x as i32).collect()) } else { Data::F64(data) };
+    Array::new(shape, data)
+}

@@ -1,0 +1,288 @@
+//! The body tree: bodies, frames, and what they hold.
+
+use std::collections::HashSet;
+
+use super::defaults::{Classes, MAIN};
+use super::joint;
+use super::orientation::{Angles, Orientation, Pose, mul, rotate};
+use super::reader::Reader;
+use super::reference::{Entry, References};
+use super::replicate::Replica;
+use super::report::Report;
+use super::tree::{Element, Tree};
+use crate::spec::{Body, Exclude, Inertia, Inertial, JointKind, Pair};
+
+/// Most elements of a model once replicas are made.
+const MOST_ELEMENTS: usize = 1_000_000;
+
+/// What surrounds an element.
+#[derive(Clone, Copy, Debug)]
+struct Scope {
+    /// Index of the body that holds it.
+    body: usize,
+    /// Pose of the frames around it, in that body or in the replica.
+    frame: Pose,
+    /// Class of elements that name none.
+    class: usize,
+    /// Whether a `replicate` stands between it and its body.
+    replicated: bool,
+}
+
+/// What is still to be done.
+enum Task {
+    Visit(usize, Scope),
+    Replicate(Replica),
+}
+
+/// Builds the body tree, and replicates what refers to it.
+pub(super) struct Builder<'a> {
+    pub tree: &'a Tree,
+    pub classes: &'a Classes,
+    pub angles: &'a Angles,
+    pub report: &'a mut Report,
+    pub bodies: Vec<Body>,
+    pub pairs: References<Pair>,
+    pub excludes: References<Exclude>,
+    pub actuators: References<Entry>,
+    /// Names of geoms that a lenient load left out.
+    pub lost_geoms: HashSet<String>,
+    /// Whether something was left out that has coordinates of its own.
+    pub lost_coordinates: bool,
+    pub cameras: usize,
+    pub lights: usize,
+    pub elements: usize,
+}
+
+impl Builder<'_> {
+    /// Walks all `worldbody` sections in the order of the file, without recursion.
+    pub fn build(&mut self) {
+        let tree = self.tree;
+        let world = Scope { body: 0, frame: Pose::IDENTITY, class: MAIN, replicated: false };
+        let sections = tree[0].children.iter().copied().filter(|&s| matches!(&*tree[s].tag, "worldbody" | "world"));
+        let mut tasks = Vec::new();
+        for section in sections {
+            if tree[section].tag == "world" {
+                self.report.notes.push("world is an old name of worldbody".into());
+            }
+            visit_children(tree, section, world, &mut tasks);
+            while let Some(task) = tasks.pop() {
+                match task {
+                    Task::Visit(index, scope) => self.visit(index, scope, &mut tasks),
+                    Task::Replicate(replica) => replica.expand(self),
+                }
+                if self.elements > MOST_ELEMENTS {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Counts elements to come; false, with a problem reported, if they are too many.
+    pub fn reserve(&mut self, element: &Element, count: usize) -> bool {
+        let before = self.elements;
+        self.elements = before.saturating_add(count);
+        if self.elements > MOST_ELEMENTS && before <= MOST_ELEMENTS {
+            let message = format!("the model has more than {MOST_ELEMENTS} elements");
+            self.report.error(element, message, "replicate less");
+        }
+        self.elements <= MOST_ELEMENTS
+    }
+
+    fn visit(&mut self, index: usize, scope: Scope, tasks: &mut Vec<Task>) {
+        let tree = self.tree;
+        let element = &tree[index];
+        match element.tag.as_str() {
+            "body" => self.body(index, scope, tasks),
+            "frame" => {
+                let frame = scope.frame.then(&self.pose(element));
+                let class = self.classes.named(element, "childclass", scope.class, self.report);
+                visit_children(tree, index, Scope { frame, class, ..scope }, tasks);
+            }
+            "replicate" => {
+                let class = self.classes.named(element, "childclass", scope.class, self.report);
+                tasks.push(Task::Replicate(Replica::start(self, index, scope.body, scope.frame)));
+                let inner = Scope { frame: Pose::IDENTITY, class, replicated: true, ..scope };
+                visit_children(tree, index, inner, tasks);
+            }
+            "joint" | "freejoint" => self.joint(element, scope),
+            "inertial" => self.inertial(element, scope),
+            "geom" => self.geom(index, scope),
+            "site" => self.site(element, scope),
+            "camera" => self.cameras += 1,
+            "light" => self.lights += 1,
+            "plugin" => self.report.unsupported(element, "plugins are"),
+            tag @ ("attach" | "composite" | "flexcomp") => {
+                self.report.unsupported(element, &format!("{tag} is"));
+                self.lost_coordinates = true;
+            }
+            // Unknown elements were reported by the check against the schema.
+            _ => {}
+        }
+    }
+
+    fn body(&mut self, index: usize, scope: Scope, tasks: &mut Vec<Task>) {
+        let element = &self.tree[index];
+        if !self.reserve(element, 1) {
+            return;
+        }
+        let pose = scope.frame.then(&self.pose(element));
+        let class = self.classes.named(element, "childclass", scope.class, self.report);
+        let mut reader = Reader::new(element, self.report);
+        let mut body = Body {
+            name: reader.text("name"),
+            parent: scope.body,
+            pos: pose.pos,
+            quat: pose.quat,
+            source: element.source.clone(),
+            ..Body::default()
+        };
+        reader.boolean("mocap", &mut body.mocap);
+        reader.real("gravcomp", &mut body.gravcomp);
+        self.bodies.push(body);
+        let inner = Scope { body: self.bodies.len() - 1, frame: Pose::IDENTITY, class, replicated: false };
+        visit_children(self.tree, index, inner, tasks);
+    }
+
+    /// Position and orientation of an element; what is wrong is reported.
+    pub fn pose(&mut self, element: &Element) -> Pose {
+        let mut reader = Reader::new(element, self.report);
+        let (mut pos, mut orientation) = ([0.0; 3], Orientation::IDENTITY);
+        reader.list("pos", &mut pos);
+        reader.orientation(&mut orientation);
+        let quat = self.quat(element, orientation);
+        Pose { pos, quat }
+    }
+
+    /// The quaternion of an orientation; what is wrong is reported.
+    pub fn quat(&mut self, element: &Element, orientation: Orientation) -> [f64; 4] {
+        orientation.quat(self.angles).unwrap_or_else(|message| {
+            self.report.error(element, message, "");
+            Pose::IDENTITY.quat
+        })
+    }
+
+    /// Whether the body of a scope may have a joint or an inertia of its own there; reported if not.
+    fn movable(&mut self, element: &Element, scope: Scope) -> bool {
+        if scope.body == 0 {
+            self.report.error(element, format!("the world cannot have a {}", element.tag), "put it in a body");
+        } else if scope.replicated {
+            let message = format!("{} cannot be replicated within one body", element.tag);
+            self.report.error(element, message, "replicate a body that holds it");
+        }
+        scope.body != 0 && !scope.replicated
+    }
+
+    fn joint(&mut self, element: &Element, scope: Scope) {
+        if !self.movable(element, scope) || !self.reserve(element, 1) {
+            return;
+        }
+        let class = self.classes.named(element, "class", scope.class, self.report);
+        let mut reader = Reader::new(element, self.report);
+        let mut joint = if element.tag == "freejoint" {
+            joint::free(&mut reader)
+        } else {
+            let mut joint = self.classes[class].joint.clone();
+            joint::read(&mut reader, &mut joint);
+            joint
+        };
+        joint.name = reader.text("name");
+        joint.source = element.source.clone();
+        joint::finish(&mut joint, self.angles);
+        if joint.kind != JointKind::Free {
+            joint.pos = scope.frame.then(&Pose { pos: joint.pos, ..Pose::IDENTITY }).pos;
+        }
+        if matches!(joint.kind, JointKind::Hinge | JointKind::Slide) {
+            joint.axis = rotate(scope.frame.quat, joint.axis);
+        }
+        self.bodies[scope.body].joints.push(joint);
+    }
+
+    fn inertial(&mut self, element: &Element, scope: Scope) {
+        if !self.movable(element, scope) {
+            return;
+        }
+        let mut reader = Reader::new(element, self.report);
+        let (mut mass, mut diagonal, mut full) = (0.0, [0.0; 3], [0.0; 6]);
+        let complete = reader.required("pos") & reader.required("mass");
+        reader.real("mass", &mut mass);
+        let has_diagonal = reader.list("diaginertia", &mut diagonal);
+        let has_full = reader.list("fullinertia", &mut full);
+        let oriented = super::schema::ORIENTATIONS.split_ascii_whitespace().any(|name| reader.has(name));
+        if has_full && (has_diagonal || oriented) {
+            let message = "fullinertia does not go with diaginertia or an orientation";
+            return self.report.error(element, message, "keep one");
+        }
+        let pose = scope.frame.then(&self.pose(element));
+        if complete {
+            let inertia = if has_full { Inertia::Full(turn(pose.quat, full)) } else { Inertia::Diagonal(diagonal) };
+            let source = element.source.clone();
+            self.bodies[scope.body].inertial = Some(Inertial { pos: pose.pos, quat: pose.quat, mass, inertia, source });
+        }
+    }
+
+    fn geom(&mut self, index: usize, scope: Scope) {
+        let element = &self.tree[index];
+        if !self.reserve(element, 1) {
+            return;
+        }
+        for plugin in self.tree.children(index).filter(|child| child.tag == "plugin") {
+            self.report.unsupported(plugin, "plugins are");
+        }
+        let class = self.classes.named(element, "class", scope.class, self.report);
+        let mut raw = self.classes[class].geom.clone();
+        raw.read(&mut Reader::new(element, self.report));
+        let name = element.get("name").unwrap_or_default().to_string();
+        if let Some(mut geom) = raw.finish(element, self.angles, self.report) {
+            geom.name = name;
+            place(scope.frame, &mut geom.pos, &mut geom.quat);
+            self.bodies[scope.body].geoms.push(geom);
+        } else {
+            self.lost_geoms.insert(name);
+        }
+    }
+
+    fn site(&mut self, element: &Element, scope: Scope) {
+        if !self.reserve(element, 1) {
+            return;
+        }
+        let class = self.classes.named(element, "class", scope.class, self.report);
+        let mut raw = self.classes[class].site.clone();
+        raw.read(&mut Reader::new(element, self.report));
+        if let Some(mut site) = raw.finish(element, self.angles, self.report) {
+            site.name = element.get("name").unwrap_or_default().to_string();
+            place(scope.frame, &mut site.pos, &mut site.quat);
+            self.bodies[scope.body].sites.push(site);
+        }
+    }
+}
+
+/// Puts the children of an element on the stack, so that the first comes first.
+fn visit_children(tree: &Tree, index: usize, scope: Scope, tasks: &mut Vec<Task>) {
+    tasks.extend(tree[index].children.iter().rev().map(|&child| Task::Visit(child, scope)));
+}
+
+/// Moves a pose from a frame to what is around it.
+pub(super) fn place(frame: Pose, pos: &mut [f64; 3], quat: &mut [f64; 4]) {
+    let pose = frame.then(&Pose { pos: *pos, quat: *quat });
+    (*pos, *quat) = (pose.pos, pose.quat);
+}
+
+/// An inertia (xx, yy, zz, xy, xz, yz) seen from outside a frame.
+fn turn(quat: [f64; 4], [xx, yy, zz, xy, xz, yz]: [f64; 6]) -> [f64; 6] {
+    if quat == Pose::IDENTITY.quat {
+        return [xx, yy, zz, xy, xz, yz];
+    }
+    let inertia = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let inverse = [quat[0], -quat[1], -quat[2], -quat[3]];
+    let unit = mul(inverse, quat)[0];
+    // Column i of R I Rᵀ: what the inertia makes of axis i.
+    let column = |i: usize| {
+        let mut axis = [0.0; 3];
+        axis[i] = 1.0 / unit;
+        let inside = rotate(inverse, axis);
+        let product = inertia.map(|row| row[0] * inside[0] + row[1] * inside[1] + row[2] * inside[2]);
+        rotate(quat, product)
+    };
+    let [x, y, z] = [column(0), column(1), column(2)];
+    [x[0], y[1], z[2], y[0], z[0], z[1]]
+}

@@ -1,0 +1,121 @@
+//! Default classes: for each, the record from which an element of each kind starts.
+
+use std::collections::BTreeMap;
+
+use super::actuator::{RawActuator, Tag};
+use super::contact;
+use super::geom::{RawGeom, RawSite};
+use super::joint;
+use super::reader::Reader;
+use super::report::{Report, propose, quoted};
+use super::tree::{Element, Tree};
+use crate::spec::{Joint, Pair};
+
+/// The class at the root.
+pub(super) const MAIN: usize = 0;
+
+/// The values of one class, inherited ones included.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Class {
+    parent: Option<usize>,
+    pub joint: Joint,
+    pub geom: RawGeom,
+    pub site: RawSite,
+    pub pair: Pair,
+    actuator: RawActuator,
+    /// The tag that wrote the actuator record in this very class.
+    actuator_tag: Option<Tag>,
+}
+
+/// All classes.
+#[derive(Debug)]
+pub(super) struct Classes {
+    classes: Vec<Class>,
+    names: BTreeMap<String, usize>,
+}
+
+impl std::ops::Index<usize> for Classes {
+    type Output = Class;
+    fn index(&self, class: usize) -> &Class {
+        &self.classes[class]
+    }
+}
+
+impl Classes {
+    /// Reads all `default` sections. A class starts from what its parent's own elements made of it, wherever they stand.
+    pub fn read(tree: &Tree, report: &mut Report) -> Self {
+        let mut classes =
+            Classes { classes: vec![Class::default()], names: BTreeMap::from([("main".to_string(), MAIN)]) };
+        for section in tree.sections("default") {
+            let element = &tree[section];
+            if element.get("class").is_some_and(|name| name != "main") {
+                report.error(element, "the class at the top must be called main", "nest the class in a default");
+            }
+            let mut open = vec![(section, None)];
+            while let Some((index, parent)) = open.pop() {
+                let class = parent.map_or(MAIN, |parent| classes.add(&tree[index], parent, report));
+                classes.read_class(tree, index, class, report);
+                let nested = tree[index].children.iter().rev().filter(|&&child| tree[child].tag == "default");
+                open.extend(nested.map(|&child| (child, Some(class))));
+            }
+        }
+        classes
+    }
+
+    fn add(&mut self, element: &Element, parent: usize, report: &mut Report) -> usize {
+        let name = element.get("class").unwrap_or_default();
+        if name.is_empty() {
+            report.error(element, "a nested default needs a class", "");
+        } else if self.names.contains_key(name) {
+            report.error(element, format!("class {} is defined twice", quoted(name)), "");
+        }
+        let class = self.classes.len();
+        self.classes.push(Class { parent: Some(parent), actuator_tag: None, ..self.classes[parent].clone() });
+        self.names.entry(name.to_string()).or_insert(class);
+        class
+    }
+
+    fn read_class(&mut self, tree: &Tree, index: usize, class: usize, report: &mut Report) {
+        for element in tree.children(index) {
+            let mut reader = Reader::new(element, report);
+            let values = &mut self.classes[class];
+            match element.tag.as_str() {
+                "joint" => joint::read(&mut reader, &mut values.joint),
+                "geom" => values.geom.read(&mut reader),
+                "site" => values.site.read(&mut reader),
+                "pair" => contact::read(&mut reader, &mut values.pair),
+                tag => {
+                    if let Some(tag) = Tag::of(tag) {
+                        let actuator = self.actuator(class, tag, &mut reader);
+                        self.classes[class].actuator = actuator;
+                        self.classes[class].actuator_tag = Some(tag);
+                    }
+                }
+            }
+        }
+    }
+
+    /// An actuator of a class, with the attributes of an element.
+    pub fn actuator(&self, class: usize, tag: Tag, reader: &mut Reader) -> RawActuator {
+        let mut donor = Some(class);
+        while let Some(at) = donor {
+            if self.classes[at].actuator_tag.is_some_and(|t| t == tag || t == Tag::General) {
+                break;
+            }
+            donor = self.classes[at].parent;
+        }
+        let mut actuator = self.classes[class].actuator.clone();
+        actuator.read(tag, donor.map(|at| &self.classes[at].actuator), reader);
+        actuator
+    }
+
+    /// The class that an element names by an attribute, or `otherwise`; an unknown one is reported.
+    pub fn named(&self, element: &Element, attribute: &str, otherwise: usize, report: &mut Report) -> usize {
+        let Some(name) = element.get(attribute) else { return otherwise };
+        self.names.get(name).copied().unwrap_or_else(|| {
+            let remedy = propose(name, self.names.keys().map(String::as_str));
+            report.error(element, format!("unknown default class {}", quoted(name)), remedy);
+            otherwise
+        })
+    }
+}

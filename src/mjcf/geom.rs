@@ -1,0 +1,233 @@
+//! `geom` and `site`.
+
+use super::orientation::{Angles, Orientation, from_z};
+use super::reader::Reader;
+use super::report::Report;
+use super::tree::Element;
+use crate::spec::{Geom, GeomMass, Shape, Site};
+
+/// The shapes of MJCF: ours, and those that are not supported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Shape(Shape),
+    Mesh,
+    HeightField,
+    DistanceField,
+}
+
+const KINDS: &[(&str, Kind)] = &[
+    ("plane", Kind::Shape(Shape::Plane)),
+    ("hfield", Kind::HeightField),
+    ("sphere", Kind::Shape(Shape::Sphere)),
+    ("capsule", Kind::Shape(Shape::Capsule)),
+    ("ellipsoid", Kind::Shape(Shape::Ellipsoid)),
+    ("cylinder", Kind::Shape(Shape::Cylinder)),
+    ("box", Kind::Shape(Shape::Box)),
+    ("mesh", Kind::Mesh),
+    ("sdf", Kind::DistanceField),
+];
+
+/// Where a shape is, as written.
+#[derive(Clone, Debug)]
+pub(super) struct Placement {
+    kind: Kind,
+    size: [f64; 3],
+    pos: [f64; 3],
+    orientation: Orientation,
+    fromto: Option<[f64; 6]>,
+    /// Name of a mesh to fit the shape to.
+    mesh: String,
+}
+
+impl Placement {
+    fn new(size: [f64; 3]) -> Self {
+        Placement {
+            kind: Kind::Shape(Shape::Sphere),
+            size,
+            pos: [0.0; 3],
+            orientation: Orientation::IDENTITY,
+            fromto: None,
+            mesh: String::new(),
+        }
+    }
+
+    fn read(&mut self, reader: &mut Reader) {
+        reader.keyword("type", KINDS, &mut self.kind);
+        reader.leading("size", &mut self.size);
+        reader.list("pos", &mut self.pos);
+        reader.orientation(&mut self.orientation);
+        let mut fromto = [0.0; 6];
+        if reader.list("fromto", &mut fromto) {
+            self.fromto = Some(fromto);
+        }
+        reader.ignored("rgba", 4, false);
+        if let Some(mesh) = reader.element.get("mesh") {
+            self.mesh = mesh.to_string();
+        }
+    }
+
+    /// Why the shape cannot be had.
+    fn missing(&self) -> Option<&'static str> {
+        match self.kind {
+            Kind::Mesh => Some("meshes are"),
+            Kind::HeightField => Some("height fields are"),
+            Kind::DistanceField => Some("signed distance fields are"),
+            Kind::Shape(_) if !self.mesh.is_empty() => Some("a shape fitted to a mesh is"),
+            Kind::Shape(_) => None,
+        }
+    }
+
+    /// Shape, size, position and orientation; `None` if something is wrong, which is reported.
+    fn resolve(&self, element: &Element, angles: &Angles, report: &mut Report) -> Option<Resolved> {
+        let Kind::Shape(shape) = self.kind else { return None };
+        let (size, pos) = (self.size, self.pos);
+        let problem = match self.fromto {
+            None => match self.orientation.quat(angles) {
+                Ok(quat) => return Some(Resolved { shape, size, pos, quat }),
+                Err(message) => message,
+            },
+            Some(_) if pos != [0.0; 3] => "both pos and fromto are given",
+            Some(ends) => match span(shape, size, ends) {
+                Ok(resolved) => return Some(resolved),
+                Err(message) => message,
+            },
+        };
+        report.error(element, problem, "");
+        None
+    }
+}
+
+/// Where a shape is.
+struct Resolved {
+    shape: Shape,
+    size: [f64; 3],
+    pos: [f64; 3],
+    quat: [f64; 4],
+}
+
+/// A shape between two points: its z axis points from the second to the first.
+fn span(shape: Shape, mut size: [f64; 3], ends: [f64; 6]) -> Result<Resolved, &'static str> {
+    let [a, b, c, d, e, f] = ends;
+    let axis = [a - d, b - e, c - f];
+    let half = 0.5 * axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+    match shape {
+        Shape::Capsule | Shape::Cylinder => size[1] = half,
+        Shape::Box | Shape::Ellipsoid => size = [size[0], size[0], half],
+        Shape::Plane | Shape::Sphere => return Err("fromto needs a capsule, cylinder, box or ellipsoid"),
+    }
+    let quat = from_z(axis).ok_or("the two points of fromto coincide")?;
+    Ok(Resolved { shape, size, pos: [0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)], quat })
+}
+
+/// A geom as written, or its default.
+#[derive(Clone, Debug)]
+pub(super) struct RawGeom {
+    geom: Geom,
+    placement: Placement,
+    mass: Option<f64>,
+    density: f64,
+    /// What it asks for that is not supported, by attribute.
+    fluid: bool,
+    surfacevel: [f64; 6],
+    adhesion: f64,
+}
+
+const FLUID: &[(&str, bool)] = &[("none", false), ("ellipsoid", true)];
+
+impl Default for RawGeom {
+    fn default() -> Self {
+        RawGeom {
+            geom: Geom::default(),
+            placement: Placement::new([0.0; 3]),
+            mass: None,
+            density: 1000.0,
+            fluid: false,
+            surfacevel: [0.0; 6],
+            adhesion: 0.0,
+        }
+    }
+}
+
+impl RawGeom {
+    /// Reads what a geom and its default have in common.
+    pub fn read(&mut self, reader: &mut Reader) {
+        self.placement.read(reader);
+        let geom = &mut self.geom;
+        let mut mass = 0.0;
+        if reader.real("mass", &mut mass) {
+            self.mass = Some(mass);
+        }
+        reader.real("density", &mut self.density);
+        reader.boolean("shellinertia", &mut geom.shellinertia);
+        reader.bits("contype", &mut geom.contype);
+        reader.bits("conaffinity", &mut geom.conaffinity);
+        reader.integer("condim", &mut geom.condim);
+        reader.integer("priority", &mut geom.priority);
+        reader.integer("group", &mut geom.group);
+        reader.leading("friction", &mut geom.friction);
+        reader.real("solmix", &mut geom.solmix);
+        reader.leading("solref", &mut geom.solref);
+        reader.leading("solimp", &mut geom.solimp);
+        reader.real("margin", &mut geom.margin);
+        reader.real("gap", &mut geom.gap);
+        reader.keyword("fluidshape", FLUID, &mut self.fluid);
+        reader.ignored("fluidcoef", 5, true);
+        reader.leading("surfacevel", &mut self.surfacevel);
+        reader.real("adhesion", &mut self.adhesion);
+    }
+
+    /// The geom in the coordinates of its frame; `None` if it cannot be had, which is reported.
+    pub fn finish(self, element: &Element, angles: &Angles, report: &mut Report) -> Option<Geom> {
+        if let Some(what) = self.placement.missing() {
+            report.unsupported(element, what);
+            return None;
+        }
+        let features = [
+            (self.fluid, "the ellipsoid fluid model (fluidshape) is"),
+            (self.surfacevel != [0.0; 6], "a surface velocity (surfacevel) is"),
+            (self.adhesion != 0.0, "adhesive contact (adhesion) is"),
+        ];
+        for (_, what) in features.iter().filter(|(asked, _)| *asked) {
+            report.unsupported(element, what);
+        }
+        let Resolved { shape, size, pos, quat } = self.placement.resolve(element, angles, report)?;
+        let mass = self.mass.map_or(GeomMass::Density(self.density), GeomMass::Mass);
+        Some(Geom { shape, size, pos, quat, mass, source: element.source.clone(), ..self.geom })
+    }
+}
+
+/// A site as written, or its default.
+#[derive(Clone, Debug)]
+pub(super) struct RawSite {
+    placement: Placement,
+    group: i32,
+}
+
+impl Default for RawSite {
+    fn default() -> Self {
+        RawSite { placement: Placement::new([0.005; 3]), group: 0 }
+    }
+}
+
+impl RawSite {
+    /// Reads what a site and its default have in common.
+    pub fn read(&mut self, reader: &mut Reader) {
+        self.placement.read(reader);
+        reader.integer("group", &mut self.group);
+    }
+
+    /// The site in the coordinates of its frame; `None` if it cannot be had, which is reported.
+    pub fn finish(self, element: &Element, angles: &Angles, report: &mut Report) -> Option<Site> {
+        if matches!(self.placement.kind, Kind::Shape(Shape::Plane) | Kind::HeightField) {
+            report.error(element, "a site cannot be a plane or height field", "");
+            return None;
+        }
+        if let Some(what) = self.placement.missing() {
+            report.unsupported(element, what);
+            return None;
+        }
+        let Resolved { shape, size, pos, quat } = self.placement.resolve(element, angles, report)?;
+        let source = element.source.clone();
+        Some(Site { name: String::new(), shape, size, pos, quat, group: self.group, source })
+    }
+}

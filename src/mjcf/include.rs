@@ -1,0 +1,149 @@
+//! Reading files and splicing includes.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::report::{Report, file_problem, quoted};
+use super::scan::MOST_BYTES;
+use super::tree::Tree;
+use crate::diagnostics::Diagnostics;
+use crate::spec::Source;
+
+/// Where included files come from.
+pub(super) enum Files<'a> {
+    /// The folder of the main file, and that file itself.
+    Disk { folder: PathBuf, main: PathBuf },
+    /// Texts by name.
+    Memory(&'a BTreeMap<String, String>),
+}
+
+/// Parses the main text and everything that it includes.
+pub(super) fn read(
+    text: &str,
+    file: Option<&Arc<str>>,
+    files: &Files,
+    report: &mut Report,
+) -> Result<Tree, Diagnostics> {
+    let mut tree = Tree::default();
+    check_size(text.len(), file)?;
+    tree.append(text, file)?;
+    let mut loader = Loader { files, seen: HashSet::new(), bytes: text.len() };
+    if let Files::Disk { main, .. } = files {
+        loader.seen.insert(identity(main));
+    }
+    // Elements of included files are appended, so this loop reaches their includes too; each file comes once, so it ends.
+    let mut roots = vec![None; tree.elements.len()];
+    let mut index = 0;
+    while index < tree.elements.len() {
+        if tree[index].tag == "include" {
+            roots[index] = loader.load(&mut tree, index, report)?;
+            roots.resize(tree.elements.len(), None);
+        }
+        index += 1;
+    }
+    splice(&mut tree, &roots);
+    Ok(tree)
+}
+
+struct Loader<'a> {
+    files: &'a Files<'a>,
+    seen: HashSet<PathBuf>,
+    bytes: usize,
+}
+
+impl Loader<'_> {
+    /// Loads the file that an `include` names; returns the index of its root.
+    fn load(&mut self, tree: &mut Tree, include: usize, report: &mut Report) -> Result<Option<usize>, Diagnostics> {
+        let element = &tree[include];
+        let Some(name) = element.get("file").filter(|name| !name.is_empty()).map(str::to_string) else {
+            report.error(element, "attribute \"file\" is missing", "");
+            return Ok(None);
+        };
+        if let Some((other, _)) = element.attributes.iter().find(|(attribute, _)| attribute != "file") {
+            report.error(element, format!("unknown attribute {}", quoted(other)), "valid: file");
+        }
+        if !element.children.is_empty() {
+            report.error(element, "include must be empty", "");
+        }
+        let (path, text) = match self.files {
+            Files::Memory(texts) => match texts.get(&name) {
+                Some(text) => (PathBuf::from(&name), Ok(text.clone())),
+                None => (PathBuf::from(&name), Err("no such file among those given".to_string())),
+            },
+            Files::Disk { folder, .. } => {
+                let path = folder.join(&name);
+                let text = read_text(&path);
+                (path, text)
+            }
+        };
+        let text = match text {
+            Ok(text) => text,
+            Err(message) => {
+                report.error(element, format!("file {}: {message}", quoted(&name)), "");
+                return Ok(None);
+            }
+        };
+        if !self.seen.insert(identity(&path)) {
+            report.error(element, format!("file {} was already included", quoted(&name)), "include each file once");
+            return Ok(None);
+        }
+        self.bytes += text.len();
+        let file: Arc<str> = path.display().to_string().into();
+        check_size(self.bytes, Some(&file))?;
+        tree.append(&text, Some(&file)).map(Some)
+    }
+}
+
+fn check_size(bytes: usize, file: Option<&Arc<str>>) -> Result<(), Diagnostics> {
+    if bytes <= MOST_BYTES {
+        return Ok(());
+    }
+    let source = Source { file: file.cloned(), line: 0 };
+    Err(file_problem(&source, format!("the model is longer than {} MiB", MOST_BYTES >> 20), ""))
+}
+
+/// What makes two names the same file.
+fn identity(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
+}
+
+/// Reads a regular file as UTF-8, never more than a model may hold.
+pub(super) fn read_text(path: &Path) -> Result<String, String> {
+    let read = || -> std::io::Result<Vec<u8>> {
+        // Asked before opening: to open a pipe would wait for a writer.
+        if !std::fs::metadata(path)?.is_file() {
+            return Err(std::io::Error::other("not a regular file"));
+        }
+        let mut bytes = Vec::new();
+        File::open(path)?.take(MOST_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    let bytes = read().map_err(|error| format!("cannot be read: {error}"))?;
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err("is UTF-16, but must be UTF-8".into());
+    }
+    String::from_utf8(bytes).map_err(|error| format!("is not UTF-8 at byte {}", error.utf8_error().valid_up_to()))
+}
+
+/// Replaces every `include` by the children of its file's root.
+fn splice(tree: &mut Tree, roots: &[Option<usize>]) {
+    for index in 0..tree.elements.len() {
+        if !tree[index].children.iter().any(|&child| tree[child].tag == "include") {
+            continue;
+        }
+        let mut pending: Vec<usize> = std::mem::take(&mut tree.elements[index].children);
+        pending.reverse();
+        let mut children = Vec::new();
+        while let Some(child) = pending.pop() {
+            if tree[child].tag != "include" {
+                children.push(child);
+            } else if let Some(root) = roots[child] {
+                pending.extend(tree[root].children.iter().rev());
+            }
+        }
+        tree.elements[index].children = children;
+    }
+}

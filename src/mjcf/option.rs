@@ -1,0 +1,169 @@
+//! `option` and `flag`: run-time options, and their overrides from outside the file.
+
+use super::report::{Report, file_problem, propose, quoted};
+use super::tree::{Element, Tree};
+use super::value::{exactly, integer, integers, keyword, leading};
+use crate::diagnostics::Diagnostics;
+use crate::spec::{Options, Source};
+use lanesim_kernels::options::{Cone, Flags, Integrator, Solver};
+
+/// The attributes of `option`.
+pub(super) const NAMES: &str = "actuatorgroupdisable ccd_iterations ccd_tolerance cone density gravity impratio \
+    integrator iterations jacobian ls_iterations ls_tolerance magnetic noslip_iterations noslip_tolerance o_friction \
+    o_margin o_solimp o_solref sdf_initpoints sdf_iterations sleep_tolerance solver timestep tolerance viscosity wind";
+/// The attributes of `flag`.
+pub(super) const FLAGS: &str = "actuation autoreset clampctrl constraint contact damper diagexact energy equality \
+    eulerdamp filterparent frictionloss fwdinv gravity invdiscrete ipc island limit midphase multiccd nativeccd override \
+    refsafe sensor sleep speculative spring warmstart";
+
+const INTEGRATORS: &[(&str, Integrator)] = &[
+    ("Euler", Integrator::Euler),
+    ("RK4", Integrator::Rk4),
+    ("implicit", Integrator::Implicit),
+    ("implicitfast", Integrator::ImplicitFast),
+    ("discrete", Integrator::Discrete),
+];
+const CONES: &[(&str, Cone)] = &[("pyramidal", Cone::Pyramidal), ("elliptic", Cone::Elliptic)];
+const SOLVERS: &[(&str, Solver)] = &[("PGS", Solver::Pgs), ("CG", Solver::Cg), ("Newton", Solver::Newton)];
+const JACOBIANS: &[(&str, ())] = &[("dense", ()), ("sparse", ()), ("auto", ())];
+const SWITCH: &[(&str, bool)] = &[("enable", true), ("disable", false)];
+
+/// Reads all `option` sections, in order.
+pub(super) fn read(tree: &Tree, options: &mut Options, report: &mut Report) {
+    for index in tree.sections("option") {
+        let element = &tree[index];
+        for (name, value) in &element.attributes {
+            report_bad(element, name, set(options, name, value), report);
+        }
+        for flag in tree.children(index).filter(|child| child.tag == "flag") {
+            for (name, value) in &flag.attributes {
+                report_bad(flag, name, set_flag(&mut options.flags, name, value), report);
+            }
+        }
+    }
+}
+
+fn report_bad(element: &Element, name: &str, result: Result<(), String>, report: &mut Report) {
+    if let Err(message) = result {
+        report.error(element, format!("attribute {}: {message}", quoted(name)), "");
+    }
+}
+
+/// Applies overrides, NAME=VALUE each; a name is one of `option` or, with the value enable or disable, of `flag`.
+pub(super) fn apply(overrides: &[(String, String)], options: &mut Options) -> Result<(), Diagnostics> {
+    let mut problems = Diagnostics::default();
+    for (name, value) in overrides {
+        let is = |list: &str| list.split_ascii_whitespace().any(|known| known == name);
+        let switched = SWITCH.iter().any(|(word, _)| word == value);
+        let result = match (is(NAMES), is(FLAGS)) {
+            (false, false) => {
+                let all = NAMES.split_ascii_whitespace().chain(FLAGS.split_ascii_whitespace());
+                let near = propose(name, all.clone());
+                let list: Vec<&str> = all.collect();
+                let near = if near.starts_with("did") { format!("{near} ") } else { String::new() };
+                let remedy = format!("{near}valid: {}", list.join(", "));
+                problems.push(&Source::default(), "", format!("unknown option {}", quoted(name)), remedy);
+                continue;
+            }
+            (true, true) if switched => set_flag(&mut options.flags, name, value),
+            (true, _) => set(options, name, value),
+            (false, true) => set_flag(&mut options.flags, name, value),
+        };
+        if let Err(message) = result {
+            problems.0.extend(file_problem(&Source::default(), format!("option {}: {message}", quoted(name)), "").0);
+        }
+    }
+    problems.into_result()
+}
+
+/// Sets an option by its name. Names that only steer memory layout, sleeping or shapes that are not supported have no effect.
+fn set(o: &mut Options, name: &str, value: &str) -> Result<(), String> {
+    match name {
+        "timestep" => real(value, &mut o.timestep),
+        "gravity" => exactly(value, &mut o.gravity).map(drop),
+        "wind" => exactly(value, &mut o.wind).map(drop),
+        "magnetic" => exactly(value, &mut o.magnetic).map(drop),
+        "density" => real(value, &mut o.density),
+        "viscosity" => real(value, &mut o.viscosity),
+        "impratio" => real(value, &mut o.impratio),
+        "tolerance" => real(value, &mut o.tolerance),
+        "ls_tolerance" => real(value, &mut o.ls_tolerance),
+        "noslip_tolerance" => real(value, &mut o.noslip_tolerance),
+        "ccd_tolerance" => real(value, &mut o.ccd_tolerance),
+        "iterations" => count(value, &mut o.iterations),
+        "ls_iterations" => count(value, &mut o.ls_iterations),
+        "noslip_iterations" => count(value, &mut o.noslip_iterations),
+        "ccd_iterations" => count(value, &mut o.ccd_iterations),
+        "o_margin" => real(value, &mut o.o_margin),
+        "o_solref" => leading(value, &mut o.o_solref).map(drop),
+        "o_solimp" => leading(value, &mut o.o_solimp).map(drop),
+        "o_friction" => leading(value, &mut o.o_friction).map(drop),
+        "actuatorgroupdisable" => groups(value, &mut o.actuatorgroupdisable),
+        "integrator" => keyword(value, INTEGRATORS).map(|x| o.integrator = x),
+        "cone" => keyword(value, CONES).map(|x| o.cone = x),
+        "solver" => keyword(value, SOLVERS).map(|x| o.solver = x),
+        "jacobian" => keyword(value, JACOBIANS),
+        "sdf_initpoints" | "sdf_iterations" => count(value, &mut 0),
+        "sleep_tolerance" => real(value, &mut 0.0),
+        _ => Ok(()),
+    }
+}
+
+fn real(text: &str, target: &mut f64) -> Result<(), String> {
+    exactly(text, std::slice::from_mut(target)).map(drop)
+}
+
+fn count(text: &str, target: &mut u32) -> Result<(), String> {
+    if let Some(value) = integer(text)? {
+        *target = u32::try_from(value).map_err(|_| format!("{value} is negative"))?;
+    }
+    Ok(())
+}
+
+/// Numbers of groups, each a bit of the mask.
+fn groups(text: &str, target: &mut u32) -> Result<(), String> {
+    let mut mask = 0;
+    for group in integers(text)? {
+        let shift = u32::try_from(group).ok().filter(|&g| g <= 30).ok_or(format!("{group} is not from 0 to 30"))?;
+        mask |= 1 << shift;
+    }
+    *target = mask;
+    Ok(())
+}
+
+/// Switches a flag by its name.
+fn set_flag(f: &mut Flags, name: &str, value: &str) -> Result<(), String> {
+    let on = keyword(value, SWITCH)?;
+    let target = match name {
+        "constraint" => &mut f.constraint,
+        "equality" => &mut f.equality,
+        "frictionloss" => &mut f.frictionloss,
+        "limit" => &mut f.limit,
+        "contact" => &mut f.contact,
+        "spring" => &mut f.spring,
+        "damper" => &mut f.damper,
+        "gravity" => &mut f.gravity,
+        "clampctrl" => &mut f.clampctrl,
+        "warmstart" => &mut f.warmstart,
+        "filterparent" => &mut f.filterparent,
+        "actuation" => &mut f.actuation,
+        "refsafe" => &mut f.refsafe,
+        "sensor" => &mut f.sensor,
+        "midphase" => &mut f.midphase,
+        "eulerdamp" => &mut f.eulerdamp,
+        "autoreset" => &mut f.autoreset,
+        "nativeccd" => &mut f.nativeccd,
+        "island" => &mut f.island,
+        "multiccd" => &mut f.multiccd,
+        "override" => &mut f.override_,
+        "energy" => &mut f.energy,
+        "fwdinv" => &mut f.fwdinv,
+        "invdiscrete" => &mut f.invdiscrete,
+        "sleep" => &mut f.sleep,
+        "diagexact" => &mut f.diagexact,
+        "ipc" | "speculative" if on => return Err("not supported".into()),
+        _ => return Ok(()),
+    };
+    *target = on;
+    Ok(())
+}

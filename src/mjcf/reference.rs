@@ -1,0 +1,104 @@
+//! Elements that refer to parts of the body tree by name, and what replication does to them.
+
+use std::collections::{HashMap, HashSet};
+
+use crate::spec::{Actuator, Exclude, Pair, Transmission};
+
+/// An element that names others.
+pub(super) trait Refers: Clone {
+    /// The names that it refers to.
+    fn targets(&mut self) -> Vec<&mut String>;
+    /// Its own name.
+    fn name(&mut self) -> &mut String;
+}
+
+impl Refers for Pair {
+    fn targets(&mut self) -> Vec<&mut String> {
+        vec![&mut self.geom1, &mut self.geom2]
+    }
+    fn name(&mut self) -> &mut String {
+        &mut self.name
+    }
+}
+
+impl Refers for Exclude {
+    fn targets(&mut self) -> Vec<&mut String> {
+        vec![&mut self.body1, &mut self.body2]
+    }
+    fn name(&mut self) -> &mut String {
+        &mut self.name
+    }
+}
+
+/// An actuator, kept or left out: one that was left out still has a place in the controls of a keyframe.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    pub actuator: Actuator,
+    pub kept: bool,
+}
+
+impl Refers for Entry {
+    fn targets(&mut self) -> Vec<&mut String> {
+        match &mut self.actuator.transmission {
+            Transmission::Joint(joint) | Transmission::JointInParent(joint) => vec![joint],
+        }
+    }
+    fn name(&mut self) -> &mut String {
+        &mut self.actuator.name
+    }
+}
+
+/// Elements of one kind, in order, found by what they refer to.
+#[derive(Debug)]
+pub(super) struct References<T> {
+    items: Vec<Option<T>>,
+    by_target: HashMap<String, Vec<usize>>,
+}
+
+impl<T: Refers> References<T> {
+    pub fn new(items: impl IntoIterator<Item = T>) -> Self {
+        let mut references = References { items: Vec::new(), by_target: HashMap::new() };
+        for item in items {
+            references.push(item);
+        }
+        references
+    }
+
+    fn push(&mut self, mut item: T) {
+        for target in item.targets() {
+            self.by_target.entry(target.clone()).or_default().push(self.items.len());
+        }
+        self.items.push(Some(item));
+    }
+
+    /// The elements that refer to something that is replicated, by index.
+    pub fn to(&self, replicated: &HashSet<&str>) -> Vec<usize> {
+        let found = replicated.iter().filter_map(|name| self.by_target.get(*name)).flatten();
+        let mut indices: Vec<usize> = found.copied().filter(|&index| self.items[index].is_some()).collect();
+        indices.sort_unstable();
+        indices.dedup();
+        indices
+    }
+
+    /// Moves elements to the end, once for each suffix. What they refer to outside of the replica stays the same.
+    pub fn replicate(&mut self, indices: &[usize], replicated: &HashSet<&str>, suffixes: &[String]) {
+        let originals: Vec<T> = indices.iter().filter_map(|&index| self.items[index].take()).collect();
+        for suffix in suffixes {
+            for original in &originals {
+                let mut copy = original.clone();
+                for target in copy.targets().into_iter().filter(|target| replicated.contains(target.as_str())) {
+                    target.push_str(suffix);
+                }
+                if !copy.name().is_empty() {
+                    copy.name().push_str(suffix);
+                }
+                self.push(copy);
+            }
+        }
+    }
+
+    /// The elements, in order.
+    pub fn into_items(self) -> impl Iterator<Item = T> {
+        self.items.into_iter().flatten()
+    }
+}

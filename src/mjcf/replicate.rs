@@ -1,0 +1,138 @@
+//! `replicate`: copies of a part of the body tree, each one step further.
+
+use std::collections::HashSet;
+
+use super::body::{Builder, place};
+use super::orientation::{Orientation, Pose};
+use super::reader::Reader;
+use crate::spec::Body;
+
+/// A `replicate` whose content is being read.
+pub(super) struct Replica {
+    /// The element.
+    index: usize,
+    /// The body around it, and the pose of the frames between.
+    body: usize,
+    outer: Pose,
+    /// How much there was before its content.
+    bodies: usize,
+    geoms: usize,
+    sites: usize,
+}
+
+impl Replica {
+    /// Notes where the content will start.
+    pub fn start(builder: &Builder, index: usize, body: usize, outer: Pose) -> Self {
+        let holder = &builder.bodies[body];
+        Replica {
+            index,
+            body,
+            outer,
+            bodies: builder.bodies.len(),
+            geoms: holder.geoms.len(),
+            sites: holder.sites.len(),
+        }
+    }
+
+    /// Replaces the content, which is in the coordinates of the replica, by its copies.
+    pub fn expand(self, builder: &mut Builder) {
+        let element = &builder.tree[self.index];
+        let mut reader = Reader::new(element, builder.report);
+        reader.required("count");
+        let (mut count, mut offset, mut euler) = (1, [0.0; 3], [0.0; 3]);
+        reader.integer("count", &mut count);
+        reader.list("offset", &mut offset);
+        reader.list("euler", &mut euler);
+        let separator = reader.text("sep");
+        let quat = builder.quat(element, Orientation::Euler(euler));
+        let Ok(count) = usize::try_from(count) else {
+            return builder.report.error(element, "attribute \"count\": must not be negative", "");
+        };
+
+        let bodies = builder.bodies.split_off(self.bodies);
+        let holder = &mut builder.bodies[self.body];
+        let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));
+        let content = Body { geoms, sites, ..Body::default() };
+        let names = Names::new(&bodies, &content);
+        let (pairs, excludes, actuators) =
+            (builder.pairs.to(&names.geoms), builder.excludes.to(&names.bodies), builder.actuators.to(&names.joints));
+        let size = elements(&content) + bodies.iter().map(|body| 1 + elements(body)).sum::<usize>();
+        let size = size + pairs.len() + excludes.len() + actuators.len();
+        // The empty case is bounded too: names of replicas cost time even if nothing is in them.
+        if !builder.reserve(element, size.max(1).saturating_mul(count)) {
+            return;
+        }
+
+        let width = count.to_string().len();
+        let suffixes: Vec<String> = (0..count).map(|k| format!("{separator}{k:0width$}")).collect();
+        builder.pairs.replicate(&pairs, &names.geoms, &suffixes);
+        builder.excludes.replicate(&excludes, &names.bodies, &suffixes);
+        builder.actuators.replicate(&actuators, &names.joints, &suffixes);
+        let step = Pose { pos: offset, quat };
+        let mut frame = Pose::IDENTITY;
+        for suffix in &suffixes {
+            self.copy(builder, &bodies, &content, self.outer.then(&frame), suffix);
+            frame = frame.then(&step);
+        }
+    }
+
+    fn copy(&self, builder: &mut Builder, bodies: &[Body], content: &Body, frame: Pose, suffix: &str) {
+        let shift = builder.bodies.len() - self.bodies;
+        for body in bodies {
+            let mut copy = body.clone();
+            extend(&mut copy.name, suffix);
+            if copy.parent == self.body {
+                place(frame, &mut copy.pos, &mut copy.quat);
+            } else {
+                copy.parent += shift;
+            }
+            rename(&mut copy, suffix);
+            builder.bodies.push(copy);
+        }
+        let mut copy = content.clone();
+        rename(&mut copy, suffix);
+        copy.geoms.iter_mut().for_each(|geom| place(frame, &mut geom.pos, &mut geom.quat));
+        copy.sites.iter_mut().for_each(|site| place(frame, &mut site.pos, &mut site.quat));
+        let holder = &mut builder.bodies[self.body];
+        holder.geoms.append(&mut copy.geoms);
+        holder.sites.append(&mut copy.sites);
+    }
+}
+
+fn elements(body: &Body) -> usize {
+    body.joints.len() + body.geoms.len() + body.sites.len()
+}
+
+fn extend(name: &mut String, suffix: &str) {
+    if !name.is_empty() {
+        name.push_str(suffix);
+    }
+}
+
+/// Suffixes the names of what a body holds.
+fn rename(body: &mut Body, suffix: &str) {
+    body.joints.iter_mut().for_each(|joint| extend(&mut joint.name, suffix));
+    body.geoms.iter_mut().for_each(|geom| extend(&mut geom.name, suffix));
+    body.sites.iter_mut().for_each(|site| extend(&mut site.name, suffix));
+}
+
+/// The names in the content of a replica.
+struct Names<'a> {
+    bodies: HashSet<&'a str>,
+    joints: HashSet<&'a str>,
+    geoms: HashSet<&'a str>,
+}
+
+impl<'a> Names<'a> {
+    fn new(bodies: &'a [Body], content: &'a Body) -> Self {
+        let all = || bodies.iter().chain(std::iter::once(content));
+        fn named<'a>(names: impl Iterator<Item = &'a String>) -> HashSet<&'a str> {
+            names.map(String::as_str).filter(|name| !name.is_empty()).collect()
+        }
+        Names {
+            bodies: named(bodies.iter().map(|body| &body.name)),
+            joints: named(all().flat_map(|body| body.joints.iter().map(|joint| &joint.name))),
+            geoms: named(all().flat_map(|body| body.geoms.iter().map(|geom| &geom.name))),
+        }
+    }
+}

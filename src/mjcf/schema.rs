@@ -1,0 +1,255 @@
+//! Which elements and attributes there are: a table, and the check of a tree against it.
+
+use super::report::{Report, propose, quoted};
+use super::tree::Tree;
+
+/// What may stand in an element.
+struct Rule {
+    tag: &'static str,
+    /// Lists of names separated by blanks.
+    attributes: &'static [&'static str],
+    children: &'static [&'static Rule],
+    /// Children that may come at most once.
+    once: &'static str,
+    /// Whether the element is accepted with whatever it holds: it is ignored, or not supported as a whole.
+    opaque: bool,
+}
+
+const PLAIN: Rule = Rule { tag: "", attributes: &[], children: &[], once: "", opaque: false };
+
+/// An element without children.
+const fn leaf(tag: &'static str, attributes: &'static [&'static str]) -> Rule {
+    Rule { tag, attributes, ..PLAIN }
+}
+
+/// An element without attributes.
+const fn section(tag: &'static str, children: &'static [&'static Rule]) -> Rule {
+    Rule { tag, children, ..PLAIN }
+}
+
+const fn opaque(tag: &'static str) -> Rule {
+    Rule { tag, opaque: true, ..PLAIN }
+}
+
+const IDENTITY: &str = "name class";
+/// Orientation notations: at most one per element.
+pub(super) const ORIENTATIONS: &str = "quat axisangle euler xyaxes zaxis";
+
+const COMPILER: &str = "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass conflict coordinate \
+    discardvisual eulerseq fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough savecanonical \
+    savecompiled saveinertial settotalmass strippath texturedir usethread";
+const LENGTHRANGE: &str = "accel interval inttotal maxforce mode timeconst timestep tolrange useexisting uselimit";
+const SIZE: &str = "memory nconmax njmax nkey nstack nuser_actuator nuser_body nuser_cam nuser_geom nuser_jnt \
+    nuser_sensor nuser_site nuser_tendon nuserdata";
+const JOINT: &str = "actuatorfrclimited actuatorfrcrange actuatorgravcomp armature axis damping frictionloss group \
+    limited margin pos range ref solimpfriction solimplimit solreffriction solreflimit springdamper springref \
+    springyield stiffness type user";
+const GEOM: &str = "adhesion castshadow conaffinity condim contype density fitscale fluidcoef fluidshape friction fromto \
+    gap group hfield margin mass material mesh pos priority rgba shellinertia size solimp solmix solref surfacevel type \
+    user";
+const SITE: &str = "fromto group material mesh pos rgba size type user";
+const CAMERA: &str = "focal focalpixel fovy ipd mode output pos principal principalpixel projection resolution \
+    sensorsize user";
+const LIGHT: &str = "active ambient attenuation bulbradius castshadow cutoff diffuse dir directional exponent intensity \
+    mode pos range softness specular type";
+const PAIR: &str = "adhesion condim friction gap margin solimp solref solreffriction";
+/// What every actuator but the newest kinds has.
+const ACTUATOR: &str = "armature cranklength ctrllimited ctrlrange damping delay forcelimited forcerange gear group \
+    interp nsample user";
+const TRANSMISSION: &str = "cranksite joint jointinparent lengthrange name class refsite site slidersite tendon";
+const GENERAL: &str = "actdim actearly actlimited actrange biasprm biastype dynprm dyntype ffrange gainprm gaintype \
+    inheritrange input velrange";
+const POSITION: &str = "dampratio inheritrange kp kv timeconst";
+const INTVELOCITY: &str = "actlimited actrange dampratio inheritrange kp kv";
+const CYLINDER: &str = "area bias diameter timeconst";
+const MUSCLE: &str = "force fpmax fvmax lmax lmin range scale tausmooth timeconst vmax";
+
+static MUJOCO: Rule = Rule {
+    tag: "mujoco",
+    attributes: &["model version"],
+    children: &[
+        &Rule {
+            children: &[&leaf("lengthrange", &[LENGTHRANGE])],
+            once: "lengthrange",
+            ..leaf("compiler", &[COMPILER])
+        },
+        &Rule {
+            children: &[&leaf("flag", &[super::option::FLAGS])],
+            once: "flag",
+            ..leaf("option", &[super::option::NAMES])
+        },
+        &leaf("size", &[SIZE]),
+        &opaque("statistic"),
+        &opaque("visual"),
+        &DEFAULT,
+        &opaque("extension"),
+        &CUSTOM,
+        &ASSET,
+        &WORLDBODY,
+        &WORLD,
+        &opaque("deformable"),
+        &CONTACT,
+        &opaque("tendon"),
+        &opaque("equality"),
+        &ACTUATORS,
+        &opaque("sensor"),
+        &KEYFRAME,
+    ],
+    ..PLAIN
+};
+
+static DEFAULT: Rule = Rule {
+    tag: "default",
+    attributes: &["class"],
+    children: &[
+        &opaque("mesh"),
+        &opaque("texture"),
+        &opaque("material"),
+        &leaf("joint", &[JOINT]),
+        &leaf("geom", &[GEOM, ORIENTATIONS]),
+        &leaf("site", &[SITE, ORIENTATIONS]),
+        &leaf("camera", &[CAMERA, ORIENTATIONS]),
+        &leaf("light", &[LIGHT]),
+        &leaf("pair", &[PAIR]),
+        &opaque("equality"),
+        &opaque("tendon"),
+        &leaf("general", &[ACTUATOR, GENERAL]),
+        &leaf("motor", &[ACTUATOR]),
+        &leaf("position", &[ACTUATOR, POSITION]),
+        &leaf("velocity", &[ACTUATOR, "kv"]),
+        &leaf("intvelocity", &[ACTUATOR, INTVELOCITY]),
+        &leaf("damper", &[ACTUATOR, "kv"]),
+        &leaf("cylinder", &[ACTUATOR, CYLINDER]),
+        &leaf("muscle", &[ACTUATOR, MUSCLE]),
+        &opaque("adhesion"),
+        &opaque("dcmotor"),
+        &opaque("pid"),
+        &opaque("orientation"),
+        &DEFAULT,
+    ],
+    once: "mesh texture material joint geom site camera light pair equality tendon general motor position velocity \
+        intvelocity damper cylinder muscle adhesion dcmotor pid orientation",
+    opaque: false,
+};
+
+static CUSTOM: Rule = section(
+    "custom",
+    &[
+        &leaf("numeric", &["name size data"]),
+        &leaf("text", &["name data"]),
+        &Rule { children: &[&leaf("element", &["objtype objname prm"])], ..leaf("tuple", &["name"]) },
+    ],
+);
+
+static ASSET: Rule = section(
+    "asset",
+    &[&opaque("texture"), &opaque("material"), &opaque("skin"), &opaque("mesh"), &opaque("hfield"), &opaque("model")],
+);
+
+static BODY_CHILDREN: [&Rule; 14] = [
+    &leaf("inertial", &["pos mass diaginertia fullinertia", ORIENTATIONS]),
+    &leaf("joint", &[JOINT, IDENTITY]),
+    &leaf("freejoint", &["name group align"]),
+    &Rule { children: &[&opaque("plugin")], ..leaf("geom", &[GEOM, ORIENTATIONS, IDENTITY]) },
+    &leaf("site", &[SITE, ORIENTATIONS, IDENTITY]),
+    &leaf("camera", &[CAMERA, ORIENTATIONS, IDENTITY, "target"]),
+    &leaf("light", &[LIGHT, IDENTITY, "target texture"]),
+    &opaque("attach"),
+    &opaque("plugin"),
+    &opaque("composite"),
+    &opaque("flexcomp"),
+    &BODY,
+    &FRAME,
+    &REPLICATE,
+];
+
+static WORLDBODY: Rule = Rule { tag: "worldbody", children: &BODY_CHILDREN, ..PLAIN };
+static WORLD: Rule = Rule { tag: "world", children: &BODY_CHILDREN, ..PLAIN };
+static BODY: Rule = Rule {
+    tag: "body",
+    attributes: &["name childclass pos mocap gravcomp user sleep fuse simple", ORIENTATIONS],
+    children: &BODY_CHILDREN,
+    once: "inertial",
+    opaque: false,
+};
+static FRAME: Rule =
+    Rule { tag: "frame", attributes: &["name childclass pos", ORIENTATIONS], children: &BODY_CHILDREN, ..PLAIN };
+static REPLICATE: Rule =
+    Rule { tag: "replicate", attributes: &["count offset euler sep childclass"], children: &BODY_CHILDREN, ..PLAIN };
+
+static CONTACT: Rule =
+    section("contact", &[&leaf("pair", &[PAIR, IDENTITY, "geom1 geom2"]), &leaf("exclude", &["name body1 body2"])]);
+
+static ACTUATORS: Rule = section(
+    "actuator",
+    &[
+        &leaf("general", &[ACTUATOR, TRANSMISSION, GENERAL, "body"]),
+        &leaf("motor", &[ACTUATOR, TRANSMISSION]),
+        &leaf("position", &[ACTUATOR, TRANSMISSION, POSITION]),
+        &leaf("velocity", &[ACTUATOR, TRANSMISSION, "kv"]),
+        &leaf("intvelocity", &[ACTUATOR, TRANSMISSION, INTVELOCITY]),
+        &leaf("damper", &[ACTUATOR, TRANSMISSION, "kv"]),
+        &leaf("cylinder", &[ACTUATOR, TRANSMISSION, CYLINDER]),
+        &leaf("muscle", &[ACTUATOR, TRANSMISSION, MUSCLE]),
+        &opaque("adhesion"),
+        &opaque("dcmotor"),
+        &opaque("pid"),
+        &opaque("orientation"),
+        &opaque("plugin"),
+    ],
+);
+
+static KEYFRAME: Rule = section("keyframe", &[&leaf("key", &["name time qpos qvel act ctrl mpos mquat plastic"])]);
+
+/// The names in lists separated by blanks.
+fn names(lists: &'static [&'static str]) -> impl Iterator<Item = &'static str> + Clone {
+    lists.iter().flat_map(|list| list.split_ascii_whitespace())
+}
+
+/// Reports every element and attribute that the table does not know.
+pub(super) fn check(tree: &Tree, report: &mut Report) {
+    if tree[0].tag != MUJOCO.tag {
+        let message = format!("the root element must be <mujoco>, not <{}>", super::value::shorten(&tree[0].tag));
+        return report.error(&tree[0], message, "");
+    }
+    let mut open = vec![(0, &MUJOCO)];
+    while let Some((index, rule)) = open.pop() {
+        check_attributes(tree, index, rule, report);
+        check_repeats(tree, index, rule, report);
+        let before = open.len();
+        for &child in &tree[index].children {
+            let element = &tree[child];
+            match rule.children.iter().find(|rule| rule.tag == element.tag) {
+                Some(rule) if rule.opaque => {}
+                Some(rule) => open.push((child, rule)),
+                None => {
+                    let message = format!("unknown element in {}", rule.tag);
+                    report.error(element, message, propose(&element.tag, rule.children.iter().map(|r| r.tag)));
+                }
+            }
+        }
+        // So that children are checked, and problems listed, in the order of the file.
+        open[before..].reverse();
+    }
+}
+
+fn check_attributes(tree: &Tree, index: usize, rule: &Rule, report: &mut Report) {
+    let element = &tree[index];
+    if rule.attributes.is_empty() && !element.attributes.is_empty() {
+        return report.error(element, format!("{} has no attributes", rule.tag), "remove them");
+    }
+    for (name, _) in &element.attributes {
+        if !names(rule.attributes).any(|known| known == name) {
+            let remedy = propose(name, names(rule.attributes));
+            report.error(element, format!("unknown attribute {}", quoted(name)), remedy);
+        }
+    }
+}
+
+fn check_repeats(tree: &Tree, index: usize, rule: &Rule, report: &mut Report) {
+    for tag in rule.once.split_ascii_whitespace() {
+        if let Some(second) = tree.children(index).filter(|child| child.tag == tag).nth(1) {
+            report.error(second, format!("a second {tag} in the same {}", rule.tag), "merge the two");
+        }
+    }
+}
