@@ -29,18 +29,13 @@ impl Inputs {
         self.arrays.remove(name);
     }
 
-    /// Names of the arrays not yet taken.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.arrays.keys().map(String::as_str)
-    }
-
-    /// Shape of an array.
-    pub fn shape(&self, name: &str) -> Option<&[usize]> {
-        self.arrays.get(name).map(Array::shape)
+    /// Name and shape of the first array.
+    pub fn first(&self) -> Option<(&str, &[usize])> {
+        self.arrays.first_key_value().map(|(name, array)| (name.as_str(), array.shape()))
     }
 
     /// Takes an array that must have this shape and hold finite numbers; `None` if the file does not have it.
-    pub fn take(&mut self, name: &str, expected: &[Dim]) -> Result<Option<Vec<f64>>, Failure> {
+    pub fn take(&mut self, name: &str, expected: &[Dim]) -> Result<Option<Array>, Failure> {
         let Some(array) = self.arrays.remove(name) else { return Ok(None) };
         let shape: Vec<usize> = expected.iter().map(|d| d.1).collect();
         if array.shape() != shape {
@@ -52,7 +47,8 @@ impl Inputs {
             let value = values[i];
             return Err(self.error(name, &format!("holds {value} at {place:?}; every number must be finite")));
         }
-        Ok(Some(values.into_owned()))
+        drop(values);
+        Ok(Some(array))
     }
 
     /// A file error about one array.
@@ -61,7 +57,8 @@ impl Inputs {
     }
 
     fn wrong_shape(&self, name: &str, shape: &[usize], expected: &[Dim]) -> Failure {
-        let dims: Vec<String> = expected.iter().map(|Dim(n, d)| if n.is_empty() { d.to_string() } else { format!("{n}={d}") }).collect();
+        let dims: Vec<String> =
+            expected.iter().map(|Dim(n, d)| if n.is_empty() { d.to_string() } else { format!("{n}={d}") }).collect();
         let last = |s: &[usize]| s.last().copied();
         let other = shape.len() == expected.len() && last(shape) != expected.last().map(|d| d.1);
         let hint = if other { "; was it made for another model?" } else { "" };
@@ -80,7 +77,15 @@ impl Inputs {
 /// The multi-index of entry `i` of an array in C order.
 fn index(i: usize, shape: &[usize]) -> Vec<usize> {
     let mut rest = i;
-    let mut out: Vec<usize> = shape.iter().rev().map(|&n| { let k = rest % n; rest /= n; k }).collect();
+    let mut out: Vec<usize> = shape
+        .iter()
+        .rev()
+        .map(|&n| {
+            let k = rest % n;
+            rest /= n;
+            k
+        })
+        .collect();
     out.reverse();
     out
 }
@@ -111,7 +116,10 @@ mod tests {
         );
         let mut given = inputs("qpos", &[4, 3], vec![0.0; 12]);
         let text = message(given.take("qpos", &[Dim("nworld", 4), Dim("nq", 7)]));
-        assert_eq!(text, "u.npz: array `qpos` has shape [4, 3]; expected [nworld=4, nq=7]; was it made for another model?");
+        assert_eq!(
+            text,
+            "u.npz: array `qpos` has shape [4, 3]; expected [nworld=4, nq=7]; was it made for another model?"
+        );
     }
 
     #[test]
@@ -127,6 +135,9 @@ mod tests {
     fn unknown_names_are_errors_and_absent_ones_are_not() {
         let mut given = inputs("qpso", &[1], vec![0.0]);
         assert!(matches!(given.take("qpos", &[Dim("nq", 1)]), Ok(None)));
-        assert_eq!(message(given.finish(&["qpos", "qvel"])), "u.npz: array `qpso` is not known here; known are qpos, qvel");
+        assert_eq!(
+            message(given.finish(&["qpos", "qvel"])),
+            "u.npz: array `qpso` is not known here; known are qpos, qvel"
+        );
     }
 }

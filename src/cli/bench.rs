@@ -139,7 +139,11 @@ fn print(record: &Map<String, Value>) -> Result<(), Failure> {
         ("slot occupancy", format!("{:.2}", number("slot_occupancy"))),
         (
             "iterations",
-            format!("{:.2} mean, {:.2} slowest of a block", number("solver_niter_mean"), number("solver_niter_block_max_mean")),
+            format!(
+                "{:.2} mean, {:.2} slowest of a block",
+                number("solver_niter_mean"),
+                number("solver_niter_block_max_mean")
+            ),
         ),
     ];
     let stages = record.get("stage_seconds").and_then(Value::as_object);

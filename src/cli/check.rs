@@ -1,8 +1,7 @@
 //! `lanesim check`: does a model load, and does it stay finite?
 
 use clap::Args;
-use lanesim::Rollout;
-use lanesim::worlds::Field;
+use lanesim::{Field, Rollout};
 use serde_json::json;
 
 use super::engine::{self, Loaded};

@@ -1,20 +1,20 @@
 //! From arguments to the library's types.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use lanesim::mjcf::{self, LoadOptions};
-use lanesim::model::{Array as ModelArray, ArrayData};
 use lanesim::npz::{Array, Data};
-use lanesim::worlds::Field;
-use lanesim::{Model, Options, Worlds};
+use lanesim::outputs::Output;
+use lanesim::{Field, Model, Options, Worlds};
 
 use super::failure::Failure;
 use super::{Backend, ModelArgs, Precision, RunArgs, memory};
 
 /// A model, and how long it took from file to tables.
 pub struct Loaded {
-    pub model: Arc<Model>,
+    /// The model.
+    pub model: Model,
+    /// Wall time of reading and compiling.
     pub seconds: f64,
 }
 
@@ -29,7 +29,7 @@ pub fn load_with(args: &ModelArgs, more: &[(&str, &str)]) -> Result<Loaded, Fail
     let more = more.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
     let overrides = args.options.iter().cloned().chain(more).collect();
     let spec = mjcf::load(&args.model, &LoadOptions { lenient: args.lenient, overrides })?;
-    let model = Arc::new(Model::from_spec(&spec)?);
+    let model = Model::from_spec(&spec)?;
     Ok(Loaded { model, seconds: start.elapsed().as_secs_f64() })
 }
 
@@ -38,34 +38,19 @@ pub fn size(model: &Model, name: &str) -> usize {
     model.sizes().iter().find(|(n, _)| *n == name).map_or(0, |(_, count)| *count)
 }
 
-/// A model array as it is written to files.
-pub fn model_array(array: &ModelArray) -> Option<Array> {
-    let data = match &array.data {
-        ArrayData::F64(v) => Data::F64(v.clone()),
-        ArrayData::I32(v) => Data::I32(v.clone()),
-    };
-    Array::new(array.shape.clone(), data)
-}
-
 impl RunArgs {
     /// A batch as the arguments want it.
-    pub fn worlds(&self, model: &Arc<Model>, nworld: usize) -> Result<Worlds, Failure> {
+    pub fn worlds(&self, model: &Model, nworld: usize) -> Result<Worlds, Failure> {
         self.check_memory(model, nworld)?;
         Ok(Worlds::new(model, nworld, &self.options())?)
     }
 
     /// An error if so many worlds cannot fit.
     pub fn check_memory(&self, model: &Model, nworld: usize) -> Result<(), Failure> {
-        let state: usize = Field::ALL[..6].iter().map(|(field, _)| field.len(model)).sum();
+        let forces = [Field::QfrcApplied, Field::XfrcApplied];
+        let kept = Field::ALL.iter().filter(|(field, _)| !forces.contains(field));
+        let state: usize = kept.map(|(field, _)| field.len(model)).sum();
         memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64])
-    }
-
-    /// The backend as it was asked for.
-    pub fn backend_name(&self) -> &'static str {
-        match self.backend {
-            Backend::Auto | Backend::Wide => "wide",
-            Backend::Scalar => "scalar",
-        }
     }
 
     /// The library's options.
@@ -84,6 +69,32 @@ impl RunArgs {
             ..Options::default()
         }
     }
+
+    /// The backend that steps the worlds.
+    pub fn backend_name(&self) -> &'static str {
+        match self.backend {
+            Backend::Auto | Backend::Wide => "wide",
+            Backend::Scalar => "scalar",
+        }
+    }
+}
+
+/// Outputs by their names.
+pub fn outputs(names: &[String]) -> Result<Vec<Output>, Failure> {
+    names.iter().map(|name| Output::named(name.trim()).map_err(|e| Failure::Usage(e.to_string()))).collect()
+}
+
+/// An output's values as an array with its name; `leading` are the dimensions before the output's own.
+pub fn named(output: &Output, model: &Model, leading: &[usize], values: Vec<f64>) -> Result<(String, Array), Failure> {
+    let shape = [leading, &output.shape(model).1].concat();
+    let data = match output.is_integer() {
+        true => Data::I32(values.into_iter().map(|x| x as i32).collect()),
+        false => Data::F64(values),
+    };
+    let array = Array::new(shape, data).ok_or_else(|| {
+        Failure::Input(format!("output {} does not have the size that it says; please report this", output.name()))
+    })?;
+    Ok((output.name().to_owned(), array))
 }
 
 /// Sets a field of every world from an array with one row per world.

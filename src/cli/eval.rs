@@ -1,14 +1,15 @@
 //! `lanesim eval`: named quantities at given states.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
-use lanesim::npz;
-use lanesim::worlds::Field;
-use lanesim::{Model, Worlds};
+use lanesim::npz::{self, Array};
+use lanesim::outputs::Output;
+use lanesim::{Field, Model};
 
 use super::arrays::{Dim, Inputs};
-use super::engine::{self, Loaded, set_all, size};
+use super::engine::{self, Loaded, size};
 use super::failure::Failure;
 use super::{ModelArgs, RunArgs, memory, output};
 
@@ -43,8 +44,7 @@ pub struct Eval {
     nstep: u32,
 }
 
-/// Arrays that a state file may hold although no model has them yet; if the model as it was loaded has no such elements
-/// they are passed over, because a lenient load may have left the elements out.
+/// Arrays that MuJoCo's state has and ours does not have yet: passed over, since a lenient load leaves out what they are for.
 const PASSED_OVER: [&str; 3] = ["mocap_pos", "mocap_quat", "eq_active"];
 
 /// Shape of a field after the number of states.
@@ -65,44 +65,35 @@ impl Eval {
     pub fn run(self) -> Result<(), Failure> {
         let Loaded { model, .. } = engine::load(&self.model)?;
         output::notes("left out", &model.report().losses);
-        let (once, fields): (Vec<String>, Vec<String>) =
-            self.fields.iter().cloned().partition(|name| model.array(name).is_some());
-        let outputs = engine::outputs(&fields)?;
         let (n, states) = self.states(&model)?;
-        let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
+        let fields: Vec<&str> = self.fields.iter().map(|name| name.trim()).collect();
+        let width: usize =
+            fields.iter().filter_map(|name| Output::named(name).ok()).filter_map(|output| output.width(&model)).sum();
         memory::check("the fields", &[n, width, size_of::<f64>()])?;
-        let mut worlds = self.run.worlds(&model, n)?;
-        for (field, values) in &states {
-            set_all(&mut worlds, *field, values)?;
-        }
-        if self.nstep > 0 {
-            worlds.step(self.nstep as usize)?;
-        }
-        let mut arrays: Vec<_> = once
-            .into_iter()
-            .filter_map(|name| model.array(&name).and_then(engine::model_array).map(|array| (name, array)))
-            .collect();
-        arrays.extend(evaluate(&model, &mut worlds, &outputs)?);
+        self.run.check_memory(&model, n)?;
+        let arrays = lanesim::eval::eval(&model, &states, &fields, self.nstep as usize, &self.run.options())?;
         npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))
     }
 
     /// The number of states, and their arrays.
-    fn states(&self, model: &Model) -> Result<(usize, Vec<(Field, Vec<f64>)>), Failure> {
+    fn states(&self, model: &Model) -> Result<(usize, BTreeMap<String, Array>), Failure> {
         let mut inputs = Inputs::read(&self.input)?;
         PASSED_OVER.iter().for_each(|name| inputs.drop(name));
-        let n = match inputs.names().next() {
+        let n = match inputs.first() {
             None => 1,
-            Some(name) => match inputs.shape(name).and_then(<[usize]>::first) {
+            Some((name, shape)) => match shape.first() {
                 Some(&n) if n > 0 => n,
                 _ => return Err(inputs.error(name, "has no leading dimension N > 0, the number of states")),
             },
         };
-        let mut states = Vec::new();
-        for (field, name) in Field::ALL {
+        let mut states = BTreeMap::new();
+        let mut known = Vec::new();
+        for (field, name) in Field::ALL.into_iter().filter(|(field, _)| *field != Field::QaccWarmstart) {
             let shape: Vec<Dim> = std::iter::once(Dim("N", n)).chain(shape(field, model)).collect();
-            states.extend(inputs.take(name, &shape)?.map(|values| (field, values)));
+            states.extend(inputs.take(name, &shape)?.map(|values| (name.to_owned(), values)));
+            known.push(name);
         }
-        inputs.finish(&Field::ALL.map(|(_, name)| name))?;
+        inputs.finish(&known)?;
         Ok((n, states))
     }
 }

@@ -54,7 +54,7 @@ impl From<lanesim::Error> for Failure {
     fn from(e: lanesim::Error) -> Self {
         match e {
             lanesim::Error::Model(diagnostics) => Failure::Model(diagnostics),
-            lanesim::Error::Options(message) => Failure::Usage(message),
+            lanesim::Error::Options(message) | lanesim::Error::Unknown(message) => Failure::Usage(message),
             e => Failure::Input(e.to_string()),
         }
     }

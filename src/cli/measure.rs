@@ -5,14 +5,12 @@
 //! and timed; both must end in the same bits. Then single steps from states of the run are compared with the scalar f64
 //! path, solved to 1e-12: no speed without its error.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
 use lanesim::noise;
 use lanesim::rollout::Statistics;
-use lanesim::worlds::Field;
-use lanesim::{Backend, Controls, Model, Options, Precision, Rollout, Worlds};
+use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::pipeline::Stage;
 use lanesim_kernels::state::Status;
 
@@ -34,9 +32,9 @@ const SAMPLES: usize = 256;
 /// A benchmark to be made.
 pub struct Plan<'a> {
     /// The model, as it is benchmarked.
-    pub model: &'a Arc<Model>,
+    pub model: &'a Model,
     /// The same with the solver set to 1e-12.
-    pub accurate: &'a Arc<Model>,
+    pub accurate: &'a Model,
     /// How it is stepped.
     pub options: Options,
     /// Number of worlds.
@@ -76,7 +74,7 @@ struct State {
 }
 
 impl State {
-    fn of(worlds: &mut Worlds, world: usize) -> Result<State, Failure> {
+    fn of(worlds: &Worlds, world: usize) -> Result<State, Failure> {
         Ok(State {
             time: worlds.get(Field::Time, world)?[0],
             qpos: worlds.get(Field::Qpos, world)?,
@@ -111,7 +109,7 @@ impl Plan<'_> {
             ..Rollout::default()
         };
         self.start(&mut worlds, &bases)?;
-        let mut samples = sample(&mut worlds, SAMPLES / 2)?;
+        let mut samples = sample(&worlds, SAMPLES / 2)?;
         let observed = worlds.rollout(&Rollout { statistics: true, clock: true, ..run })?;
         let observed_hash = worlds.state_hash();
         self.start(&mut worlds, &bases)?;
@@ -125,7 +123,7 @@ impl Plan<'_> {
                  please report this"
             )));
         }
-        samples.extend(sample(&mut worlds, SAMPLES / 2)?);
+        samples.extend(sample(&worlds, SAMPLES / 2)?);
         let stages = Stage::ALL.iter().zip(observed.clock.spent);
         Ok(Measurement {
             seconds,
@@ -155,7 +153,7 @@ impl Plan<'_> {
             controls: Controls::Noise { seed: !self.seed },
             ..Rollout::default()
         })?;
-        let bases = sample(&mut worlds, n)?;
+        let bases = sample(&worlds, n)?;
         if bases.is_empty() {
             return Err(Failure::Input("every world was lost while warming up; try `lanesim check`".into()));
         }
@@ -166,7 +164,8 @@ impl Plan<'_> {
     fn start(&self, worlds: &mut Worlds, bases: &[State]) -> Result<(), Failure> {
         for world in 0..self.nworld {
             let base = &bases[world % bases.len()];
-            let disturb = |(i, v): (usize, &f64)| v + COPY_VELOCITY * noise::normal(self.seed, world as u64, 0, i as u64);
+            let disturb =
+                |(i, v): (usize, &f64)| v + COPY_VELOCITY * noise::normal(self.seed, world as u64, 0, i as u64);
             let qvel: Vec<f64> = base.qvel.iter().enumerate().map(disturb).collect();
             worlds.reset(world, None)?;
             worlds.set(Field::Time, world, &[base.time])?;
@@ -179,7 +178,7 @@ impl Plan<'_> {
     /// Relative errors of the next velocity after one step from each state, ascending.
     fn errors(&self, samples: &[State]) -> Result<Vec<f64>, Failure> {
         let exact = Options { precision: Precision::F64, backend: Backend::Scalar, ..self.options.clone() };
-        let next = |model: &Arc<Model>, options: &Options| -> Result<Vec<Option<Vec<f64>>>, Failure> {
+        let next = |model: &Model, options: &Options| -> Result<Vec<Option<Vec<f64>>>, Failure> {
             let mut worlds = Worlds::new(model, samples.len(), options)?;
             for (world, state) in samples.iter().enumerate() {
                 state.set(&mut worlds, world)?;
@@ -197,15 +196,14 @@ impl Plan<'_> {
                 .collect()
         };
         let pairs = next(self.model, &self.options)?.into_iter().zip(next(self.accurate, &exact)?);
-        let mut errors: Vec<f64> =
-            pairs.filter_map(|(ours, exact)| Some(relative_error(&ours?, &exact?))).collect();
+        let mut errors: Vec<f64> = pairs.filter_map(|(ours, exact)| Some(relative_error(&ours?, &exact?))).collect();
         errors.sort_by(f64::total_cmp);
         Ok(errors)
     }
 }
 
 /// States of up to `count` worlds, evenly spread over the batch, that are not frozen.
-fn sample(worlds: &mut Worlds, count: usize) -> Result<Vec<State>, Failure> {
+fn sample(worlds: &Worlds, count: usize) -> Result<Vec<State>, Failure> {
     let n = worlds.nworld();
     let count = count.min(n);
     let mut states = Vec::with_capacity(count);

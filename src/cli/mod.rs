@@ -20,8 +20,6 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
-use failure::Failure;
-
 const EXAMPLES: &str = "\
 Examples:
   lanesim check models/zoo/ant.xml --steps 1000

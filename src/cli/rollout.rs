@@ -5,8 +5,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueHint};
 use lanesim::npz;
-use lanesim::worlds::Field;
-use lanesim::{Controls, Model, Worlds};
+use lanesim::{Controls, Field, Model, Worlds};
 use serde_json::json;
 
 use super::arrays::{Dim, Inputs};
@@ -104,7 +103,7 @@ impl Rollout {
             return Err(Failure::file(path, "has no array `ctrl` [nworld, nstep, nu]"));
         };
         inputs.finish(&["ctrl"])?;
-        Ok(Some(controls))
+        Ok(Some(controls.to_f64().into_owned()))
     }
 
     /// Puts the worlds where they start.
@@ -125,7 +124,7 @@ impl Rollout {
         ] {
             let shape: Vec<Dim> = std::iter::once(Dim("nworld", self.worlds)).chain(width).collect();
             if let Some(values) = inputs.take(field.name(), &shape)? {
-                set_all(worlds, field, &values)?;
+                set_all(worlds, field, &values.to_f64())?;
             }
         }
         inputs.finish(&["time", "qpos", "qvel"])
