@@ -201,7 +201,7 @@ fn ellipse<L: Lane>(
     let gradient: [L; 6] =
         std::array::from_fn(|i| if i < n { residual[i] + (a[i][i] - block[i][i]) * old[i] } else { L::zero() });
     let constant: [L; 6] = std::array::from_fn(|i| gradient[i] - af[i]);
-    let mut next = along_ray(n, &old, &af, &gradient, a[0][0]);
+    let mut next = along_ray(n, row, &a, &old, &af, &gradient);
     friction(n, row, &a, &constant, &mut next);
     let change: [L; 6] = std::array::from_fn(|i| L::select(acts, next[i] - old[i], L::zero()));
     let moved = times(&change);
@@ -213,22 +213,41 @@ fn ellipse<L: Lane>(
     (change, gain)
 }
 
-/// The best force on the ray through the old one; a vanishing one moves along the normal, without friction.
+/// The best force on the ray through the old one. A vanishing force moves along the steepest ray of the cone, whose
+/// friction opposes the slip, so that the tip of the cone is left whenever it is not the minimum.
 #[inline(always)]
-fn along_ray<L: Lane>(n: usize, old: &[L; 6], af: &[L; 6], gradient: &[L; 6], normal: L) -> [L; 6] {
-    let zero = L::zero();
-    let (mut slope, mut curvature) = (zero, zero);
+fn along_ray<L: Lane>(
+    n: usize,
+    row: &ContactRow<L>,
+    a: &[[L; 6]; 6],
+    old: &[L; 6],
+    af: &[L; 6],
+    gradient: &[L; 6],
+) -> [L; 6] {
+    let (zero, one, tiny) = (L::zero(), L::one(), L::of(L::Real::MINVAL));
+    let vanishing = old[0].lt(tiny);
+    let mut slip = zero;
+    for i in 1..n {
+        let u = row.friction[i - 1] * gradient[i];
+        slip = u.mul_add(u, slip);
+    }
+    let inverse = one / slip.sqrt().max(tiny);
+    let steepest: [L; 6] = std::array::from_fn(|i| match i {
+        0 => one,
+        _ if i < n => -(row.friction[i - 1] * row.friction[i - 1] * gradient[i] * inverse),
+        _ => zero,
+    });
+    let (mut slope, mut curvature, mut tip_slope, mut tip_curvature) = (zero, zero, zero, zero);
     for i in 0..n {
         slope = old[i].mul_add(gradient[i], slope);
         curvature = old[i].mul_add(af[i], curvature);
+        tip_slope = steepest[i].mul_add(gradient[i], tip_slope);
+        let moved = (0..n).fold(zero, |sum, k| a[i][k].mul_add(steepest[k], sum));
+        tip_curvature = steepest[i].mul_add(moved, tip_curvature);
     }
-    let vanishing = old[0].lt(L::of(L::Real::MINVAL));
-    let step = (-slope / L::select(curvature.gt(zero), curvature, L::one())).max(-L::one());
-    let upright = (old[0] - gradient[0] / normal).max(zero);
-    std::array::from_fn(|i| {
-        let start = if i == 0 { upright } else { zero };
-        L::select(vanishing, start, step.mul_add(old[i], old[i]))
-    })
+    let step = (-slope / L::select(curvature.gt(zero), curvature, one)).max(-one);
+    let tip_step = (-tip_slope / tip_curvature).max(zero);
+    std::array::from_fn(|i| L::select(vanishing, tip_step * steepest[i], step.mul_add(old[i], old[i])))
 }
 
 /// The best friction within the ellipsoid of the normal force.

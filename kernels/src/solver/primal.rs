@@ -110,7 +110,10 @@ fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
         curvature = search[i].mul_add(msearch[i], curvature);
         descent = search[i].mul_add(gradient[i], descent);
     }
-    let tolerance = descent.abs() * L::of(model.options.ls_tolerance);
+    // Newton's direction is no worse after a rough search; conjugacy is lost by one.
+    let conjugate = model.options.solver == options::Solver::Cg;
+    let precision = model.options.ls_tolerance * if conjugate { 1e-6 } else { 1.0 };
+    let tolerance = descent.abs() * L::of(precision);
     let alpha = work.edges.search(slope, curvature, tolerance, model.options.ls_iterations, open);
     let alpha = L::select(open, alpha, L::zero());
     for i in 0..search.len() {
