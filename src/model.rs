@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{self as kernel, Cast};
 
-use lanesim_kernels::options::{Cone, Integrator, Solver};
+use lanesim_kernels::options::{Integrator, Solver};
 
 use crate::diagnostics::Diagnostics;
 use crate::error::Error;
@@ -278,9 +278,6 @@ impl Model {
         }
         if options.noslip_iterations > 0 && constrained {
             return missing("the noslip pass is not built yet (set option noslip_iterations=0)".into());
-        }
-        if options.cone == Cone::Elliptic && tables.pairs.iter().any(|pair| pair.condim > 1) {
-            return missing("elliptic cones are not built yet (set option cone=pyramidal)".into());
         }
         for pair in &tables.pairs {
             let (a, b) = (&tables.geoms[pair.geom1 as usize], &tables.geoms[pair.geom2 as usize]);

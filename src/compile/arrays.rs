@@ -44,7 +44,7 @@ impl Arrays {
     }
 
     fn insert(&mut self, name: &'static str, width: usize, len: usize, data: ArrayData) {
-        let shape = if width == 0 { vec![len] } else { vec![len / width, width] };
+        let shape = len.checked_div(width).map_or_else(|| vec![len], |n| vec![n, width]);
         self.0.insert(name, Array { shape, data });
     }
 }
@@ -219,7 +219,7 @@ fn contacts(s: &Sources, out: &mut Arrays) {
         .filter(|_| !s.scene.geoms.is_empty())
         .map(|p| {
             let (a, b) = (id(&p.geom1), id(&p.geom2));
-            let (a, b) = (a.min(b), a.max(b));
+            let (a, b) = if body(a) > body(b) { (b, a) } else { (a, b) };
             (signature(body(a), body(b)), a, b, p)
         })
         .collect();

@@ -21,6 +21,14 @@ impl Element<'_> {
         self.diagnostics.push(self.source, self.label.clone(), message, remedy);
     }
 
+    /// Refuses a reference to what is not there. Only the first few come with a suggestion: each costs a search.
+    fn unknown<'b>(&mut self, message: String, name: &str, candidates: impl Iterator<Item = &'b str>) {
+        const SUGGESTED: usize = 20;
+        let few = self.diagnostics.0.len() < SUGGESTED;
+        let hint = if few { suggestion(name, candidates) } else { String::new() };
+        self.refuse(message, hint);
+    }
+
     /// Refuses NaN and infinity; whether all numbers are finite.
     fn finite(&mut self, attribute: &str, values: &[f64]) -> bool {
         let ok = values.iter().all(|x| x.is_finite());
@@ -295,13 +303,18 @@ fn check_joint(joint: &Joint, index: usize, autolimits: bool, diagnostics: &mut 
     }
 }
 
-fn check_size(element: &mut Element, shape: Shape, size: &[f64; 3]) {
-    let used = match shape {
+/// How many sizes a shape has; a plane's only matter for display.
+pub(crate) fn used_sizes(shape: Shape) -> usize {
+    match shape {
         Shape::Plane => 0,
         Shape::Sphere => 1,
         Shape::Capsule | Shape::Cylinder => 2,
         Shape::Ellipsoid | Shape::Box => 3,
-    };
+    }
+}
+
+fn check_size(element: &mut Element, shape: Shape, size: &[f64; 3]) {
+    let used = used_sizes(shape);
     if element.finite("size", size)
         && let Some(i) = (0..used).find(|&i| size[i] <= 0.0)
     {
@@ -342,8 +355,8 @@ fn check_contact(spec: &Spec, diagnostics: &mut Diagnostics) {
             if name.is_empty() {
                 element.refuse(format!("{attribute} is missing"), "name a body");
             } else if !bodies.contains(name.as_str()) {
-                let hint = suggestion(name, spec.bodies.iter().map(|b| b.name.as_str()));
-                element.refuse(format!("{attribute} names an unknown body \"{name}\""), hint);
+                let message = format!("{attribute} names an unknown body \"{name}\"");
+                element.unknown(message, name, spec.bodies.iter().map(|b| b.name.as_str()));
             }
         }
     }
@@ -355,8 +368,8 @@ fn check_pair(pair: &Pair, index: usize, geoms: &HashSet<&str>, spec: &Spec, dia
         if name.is_empty() {
             element.refuse(format!("{attribute} is missing"), "name a geom");
         } else if !geoms.contains(name.as_str()) {
-            let hint = suggestion(name, spec.bodies.iter().flat_map(|b| &b.geoms).map(|g| g.name.as_str()));
-            element.refuse(format!("{attribute} names an unknown geom \"{name}\""), hint);
+            let message = format!("{attribute} names an unknown geom \"{name}\"");
+            element.unknown(message, name, spec.bodies.iter().flat_map(|b| &b.geoms).map(|g| g.name.as_str()));
         }
     }
     if pair.geom1 == pair.geom2 && !pair.geom1.is_empty() {
@@ -382,8 +395,8 @@ fn check_actuators(spec: &Spec, diagnostics: &mut Diagnostics) {
         if target.is_empty() {
             element.refuse("acts on nothing", "name a joint");
         } else if joint.is_none() {
-            let hint = suggestion(target, joints().map(|j| j.name.as_str()));
-            element.refuse(format!("acts on an unknown joint \"{target}\""), hint);
+            let message = format!("acts on an unknown joint \"{target}\"");
+            element.unknown(message, target, joints().map(|j| j.name.as_str()));
         }
         check_actuator(actuator, joint, spec.compiler.autolimits, &mut element);
     }

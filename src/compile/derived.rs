@@ -142,8 +142,13 @@ impl Derived {
         let mobilities = articulate(table, rigid, &mut hinges, dofs);
         let mut dof_invweight0 = inverse_diagonal(&hinges, &mobilities);
         average(&mut dof_invweight0, joints);
-        let body_invweight0 =
+        let mut body_invweight0: Vec<[f64; 2]> =
             (0..scene.bodies.len()).map(|b| body_weight(scene, links, b, &orientations, &mobilities)).collect();
+        for (b, body) in scene.bodies.iter().enumerate().filter(|&(b, _)| is_slider(scene, links, b)) {
+            let weight = 1.0 / body.mass.mass;
+            body_invweight0[b] = [weight, 0.0];
+            dof_invweight0[table[links.body_link[b] as usize].dofs.range()].fill(weight);
+        }
         Derived { hinges, orientations, dof_m0, dof_invweight0, body_invweight0 }
     }
 
@@ -312,6 +317,29 @@ fn average(weights: &mut [f64], joints: &[Joint<f64>]) {
             _ => {}
         }
     }
+}
+
+/// Whether a body only slides: on the world, alone, along coordinate axes, with its frame in its centre of mass and along
+/// its principal axes. MuJoCo gives such bodies the inverse of their mass as weight, in every direction and without
+/// armature.
+fn is_slider(scene: &Scene, links: &Links, b: usize) -> bool {
+    const NEAR: f64 = 1e-6;
+    let body = &scene.bodies[b];
+    let sliding = |j: &super::order::Joint| {
+        let off_axis = j.spec.axis.iter().filter(|x| x.abs() > 1e-14 * DVec3::from(j.spec.axis).length()).count() > 1;
+        j.spec.kind == crate::spec::JointKind::Slide && !off_axis && j.spec.pos.iter().all(|x| x.abs() < NEAR)
+    };
+    let frame = &body.mass.frame;
+    let turned = DVec3::new(frame.quat.x, frame.quat.y, frame.quat.z);
+    // Bodies are numbered depth first: a child would be next.
+    let lone = scene.bodies.get(b + 1).is_none_or(|next| next.parent != b);
+    b > 0
+        && lone
+        && !body.joints.is_empty()
+        && scene.joints[body.joints.clone()].iter().all(sliding)
+        && links.links[links.body_link[b] as usize].parent == NONE
+        && frame.pos.abs().max_element() < NEAR
+        && turned.abs().max_element() < NEAR
 }
 
 /// Translational and rotational inverse weight of a body at its centre of mass; zero if it stands still.

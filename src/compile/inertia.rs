@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::pose::{Pose, unit_quat};
+use super::pose::{Pose, rotation, unit_quat};
 use crate::spec::{self, GeomMass, Inertia, InertiaFromGeom, Shape};
 
 /// Geoms of less mass do not count.
@@ -103,12 +103,16 @@ pub(crate) fn principal(tensor: DMat3) -> (DVec3, DQuat) {
         a = rotate.transpose() * a * rotate;
         axes *= rotate;
     }
-    let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| a.col(j)[j].total_cmp(&a.col(i)[i]));
-    let moments = DVec3::new(a.col(order[0])[order[0]], a.col(order[1])[order[1]], a.col(order[2])[order[2]]);
-    let (x, y) = (axes.col(order[0]), axes.col(order[1]));
-    let quat = DQuat::from_mat3(&DMat3::from_cols(x, y, x.cross(y)));
-    (moments, unit_quat([quat.w, quat.x, quat.y, quat.z]))
+    let mut moments = [a.col(0)[0], a.col(1)[1], a.col(2)[2]];
+    // Sorted by quarter turns about the axis that stays: of the frames that have these axes MuJoCo takes this one.
+    for (i, j, axis) in [(0, 1, DVec3::Z), (1, 2, DVec3::X), (0, 1, DVec3::Z)] {
+        if moments[j] > moments[i] {
+            moments.swap(i, j);
+            axes *= rotation(DQuat::from_axis_angle(axis, 0.5 * PI));
+        }
+    }
+    let quat = DQuat::from_mat3(&axes);
+    (DVec3::from(moments), unit_quat([quat.w, quat.x, quat.y, quat.z]))
 }
 
 /// Volume of a shape, or its area if the mass lies on the surface.
@@ -202,36 +206,31 @@ fn solid_ellipsoid([a, b, c]: [f64; 3]) -> DVec3 {
     DVec3::new(b * b + c * c, a * a + c * c, a * a + b * b) / 5.0
 }
 
-/// Mass of a geom, with its frame in the body.
-pub(crate) fn of_geom(geom: &spec::Geom) -> Mass {
-    if geom.shape == Shape::Plane {
-        return Mass::none(Pose::new(geom.pos, geom.quat));
-    }
+/// Mass of a geom at a pose in the body.
+fn of_geom(geom: &spec::Geom, pose: Pose) -> Mass {
     let mass = match geom.mass {
+        _ if geom.shape == Shape::Plane => 0.0,
         GeomMass::Mass(mass) => mass,
         GeomMass::Density(density) => density * measure(geom.shape, geom.size, geom.shellinertia),
     };
-    Mass {
-        mass,
-        frame: Pose::new(geom.pos, geom.quat),
-        inertia: moments(geom.shape, geom.size, geom.shellinertia, mass),
-    }
+    Mass { mass, frame: pose, inertia: moments(geom.shape, geom.size, geom.shellinertia, mass) }
+}
+
+/// Mass of the geoms of a body that count, if any do.
+pub(crate) fn of_geoms<'a>(
+    geoms: impl Iterator<Item = (&'a spec::Geom, Pose)>,
+    compiler: &spec::Compiler,
+) -> Option<Mass> {
+    let [low, high] = compiler.inertiagrouprange;
+    let counted = geoms.filter(|(g, _)| (low..=high).contains(&g.group));
+    let parts: Vec<Mass> = counted.map(|(g, pose)| of_geom(g, pose)).filter(|m| m.mass > NEGLIGIBLE).collect();
+    (!parts.is_empty()).then(|| combine(&parts))
 }
 
 /// Mass of a body as written, before bounds: from `inertial` or from geoms, if it has either. `Err`: why a full inertia
 /// is refused.
 pub(crate) fn of_body(body: &spec::Body, compiler: &spec::Compiler) -> Result<Option<Mass>, &'static str> {
-    let [low, high] = compiler.inertiagrouprange;
-    let from_geoms = || {
-        let parts: Vec<Mass> = body
-            .geoms
-            .iter()
-            .filter(|g| (low..=high).contains(&g.group))
-            .map(of_geom)
-            .filter(|m| m.mass > NEGLIGIBLE)
-            .collect();
-        (!parts.is_empty()).then(|| combine(&parts))
-    };
+    let from_geoms = || of_geoms(body.geoms.iter().map(|g| (g, Pose::new(g.pos, g.quat))), compiler);
     let written = || body.inertial.as_ref().map(of_inertial).transpose();
     match compiler.inertiafromgeom {
         InertiaFromGeom::False => written(),

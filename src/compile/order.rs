@@ -5,12 +5,12 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::check::{dof_count, qpos_count};
+use super::check::{dof_count, qpos_count, used_sizes};
 use super::inertia::{self, Mass};
 use super::names::label;
 use super::pose::Pose;
 use crate::diagnostics::Diagnostics;
-use crate::spec::{self, JointKind, Spec};
+use crate::spec::{self, InertiaFromGeom, JointKind, Spec};
 
 /// A body in its place.
 pub(crate) struct Body<'a> {
@@ -75,6 +75,8 @@ struct Draft<'a> {
     parent: usize,
     pose: Pose,
     mass: Mass,
+    /// Whether its mass follows from numbers that have been refused.
+    flawed: bool,
     geoms: Vec<(&'a spec::Geom, Pose)>,
     sites: Vec<(&'a spec::Site, Pose)>,
 }
@@ -110,13 +112,16 @@ fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, notes: &mut Vec<Str
     let draft = |&index: &usize| {
         let body = &spec.bodies[index];
         let pose = if index == 0 { Pose::IDENTITY } else { Pose::new(body.pos, body.quat) };
+        let before = diagnostics.0.len();
         let mass = if index == 0 { Mass::none(pose) } else { body_mass(spec, index, pose, diagnostics, notes) };
+        let shapeless = |g: &spec::Geom| g.size[..used_sizes(g.shape)].iter().any(|&s| s.is_nan() || s <= 0.0);
         Draft {
             spec: body,
             index,
             parent: if index == 0 { 0 } else { position[body.parent] },
             pose,
             mass,
+            flawed: diagnostics.0.len() > before || body.geoms.iter().any(shapeless),
             geoms: body.geoms.iter().map(|g| (g, Pose::new(g.pos, g.quat))).collect(),
             sites: body.sites.iter().map(|s| (s, Pose::new(s.pos, s.quat))).collect(),
         }
@@ -152,28 +157,31 @@ fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostic
     mass
 }
 
-/// Merges bodies without joints into their parents, unless they are mocap, named by an exclude, or differ in gravity
-/// compensation.
+/// Merges bodies without joints into their parents, unless they are mocap, named by an exclude, or have moving mass that
+/// differs in gravity compensation.
 fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
     let named: HashSet<&str> = spec.excludes.iter().flat_map(|e| [e.body1.as_str(), e.body2.as_str()]).collect();
     let mut kept: Vec<Draft> = Vec::with_capacity(drafts.len());
+    let mut moving: Vec<bool> = Vec::with_capacity(drafts.len());
     // Where each draft went, and its pose there.
     let mut host: Vec<(usize, Pose)> = Vec::with_capacity(drafts.len());
     for mut draft in drafts {
         if draft.index == 0 {
             host.push((0, Pose::IDENTITY));
             kept.push(draft);
+            moving.push(false);
             continue;
         }
         let (parent, in_parent) = host[draft.parent];
         let pose = in_parent.then(&draft.pose);
         let body = draft.spec;
         let referenced = !body.name.is_empty() && named.contains(body.name.as_str());
-        let gravcomp = kept[parent].spec.gravcomp;
-        if !body.joints.is_empty() || body.mocap || referenced || body.gravcomp != gravcomp {
+        let lifted = moving[parent] && draft.mass.mass > 0.0 && body.gravcomp != kept[parent].spec.gravcomp;
+        if !body.joints.is_empty() || body.mocap || referenced || lifted {
             draft.parent = parent;
             draft.pose = pose;
             host.push((kept.len(), Pose::IDENTITY));
+            moving.push(moving[parent] || !body.joints.is_empty());
             kept.push(draft);
             continue;
         }
@@ -181,11 +189,15 @@ fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
         target.geoms.extend(draft.geoms.into_iter().map(|(g, p)| (g, pose.then(&p))));
         target.sites.extend(draft.sites.into_iter().map(|(s, p)| (s, pose.then(&p))));
         if parent != 0 {
-            let parts: Vec<Mass> =
-                [target.mass, draft.mass.moved(&pose)].into_iter().filter(|m| m.mass > 0.0).collect();
-            if !parts.is_empty() {
-                target.mass = inertia::combine(&parts);
-            }
+            let geoms = target.geoms.iter().copied();
+            let from_geoms = || inertia::of_geoms(geoms, &spec.compiler);
+            let parts = [target.mass, draft.mass.moved(&pose)];
+            let parts: Vec<Mass> = parts.into_iter().filter(|m| m.mass > 0.0).collect();
+            target.mass = match spec.compiler.inertiafromgeom {
+                InertiaFromGeom::True => from_geoms().unwrap_or(target.mass),
+                _ if parts.is_empty() => target.mass,
+                _ => inertia::combine(&parts),
+            };
         }
         host.push((parent, pose));
     }
@@ -258,7 +270,7 @@ fn check_moving(drafts: &[Draft], diagnostics: &mut Diagnostics) {
             if diagnostics.0.is_empty() {
                 diagnostics.push(&draft.spec.source, label(), "mass or inertia overflows", "use smaller sizes");
             }
-        } else if !draft.spec.joints.is_empty() && !heavy[i] {
+        } else if !draft.spec.joints.is_empty() && !heavy[i] && !draft.flawed {
             let message = "moves, but has no mass or no inertia";
             diagnostics.push(
                 &draft.spec.source,

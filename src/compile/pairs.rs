@@ -71,7 +71,7 @@ pub(crate) fn pairs(
     candidates.sort_by_key(|&(a, b, _)| (a, b));
 
     let mut table = GeomTable { entry: vec![NONE; scene.geoms.len()], geoms: Vec::new() };
-    let mut chains = Chains { dofs, links, known: HashMap::new(), list: Vec::new() };
+    let mut chains = Chains::new(dofs, links);
     for (a, b, written) in candidates {
         let (ga, gb) = (&scene.geoms[a], &scene.geoms[b]);
         let (la, lb) = (links.body_link[ga.body], links.body_link[gb.body]);
@@ -346,15 +346,22 @@ pub(crate) fn bounding_radius(geom: &spec::Geom) -> f64 {
     }
 }
 
-/// The dofs between pairs of links, listed once for each pair of links.
+/// The dofs between pairs of links, listed once for each pair of links, or for a link and its ancestors once for all.
 struct Chains<'a> {
     dofs: &'a [Dof<f64>],
     links: &'a Links,
+    /// What has been listed, by pair of links.
     known: HashMap<(u32, u32), (Span, bool)>,
+    /// Whole chains in the list, by link and sign.
+    whole: HashMap<(u32, bool), Span>,
     list: Vec<PairDof>,
 }
 
-impl Chains<'_> {
+impl<'a> Chains<'a> {
+    fn new(dofs: &'a [Dof<f64>], links: &'a Links) -> Self {
+        Chains { dofs, links, known: HashMap::new(), whole: HashMap::new(), list: Vec::new() }
+    }
+
     /// Dofs that move one of two links and not the other, ascending, and whether both have some; `None` if the table
     /// becomes too long.
     fn between(&mut self, link1: u32, link2: u32) -> Option<(Span, bool)> {
@@ -365,8 +372,7 @@ impl Chains<'_> {
             return Some(known);
         }
         let start = self.list.len();
-        let last = |link: u32| self.links.links[link as usize].dofs.range().end as u32 - 1;
-        let (mut a, mut b) = (last(link1), last(link2));
+        let (mut a, mut b) = (self.last_dof(link1), self.last_dof(link2));
         let (mut first, mut second) = (false, false);
         // The later of two dofs cannot move the other's link: walk both chains down until they meet.
         while a != b {
@@ -380,13 +386,41 @@ impl Chains<'_> {
                 (a, first) = (parent, true);
             }
         }
+        let len = (self.list.len() - start) as u32;
+        let span = if first && second {
+            self.list[start..].reverse();
+            Span { start: start as u32, len }
+        } else {
+            // One link is an ancestor of the other: what lies between is the end of the latter's chain.
+            self.list.truncate(start);
+            let chain = self.chain(if second { link2 } else { link1 }, second);
+            Span { start: chain.start + chain.len - len, len }
+        };
         if self.list.len() > MAX_PAIR_DOFS {
             return None;
         }
+        self.known.insert((link1, link2), (span, first && second));
+        Some((span, first && second))
+    }
+
+    /// All dofs that move a link, ascending.
+    fn chain(&mut self, link: u32, second: bool) -> Span {
+        if let Some(&span) = self.whole.get(&(link, second)) {
+            return span;
+        }
+        let start = self.list.len();
+        let mut dof = self.last_dof(link);
+        while dof != NONE {
+            self.list.push(PairDof { dof, second });
+            dof = self.dofs[dof as usize].parent;
+        }
         self.list[start..].reverse();
         let span = Span { start: start as u32, len: (self.list.len() - start) as u32 };
-        let found = (span, first && second);
-        self.known.insert((link1, link2), found);
-        Some(found)
+        self.whole.insert((link, second), span);
+        span
+    }
+
+    fn last_dof(&self, link: u32) -> u32 {
+        self.links.links[link as usize].dofs.range().end as u32 - 1
     }
 }

@@ -1,10 +1,11 @@
 //! What the compiler tells the user about a model that it accepts.
 
+use super::check::is_limited;
 use super::constraints::raised;
 use super::links::Links;
 use super::names::label;
 use super::order::Scene;
-use crate::spec::Spec;
+use crate::spec::{JointKind, Spec};
 
 /// Adds notes on what was adjusted, or acts otherwise than it may seem.
 pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>) {
@@ -16,7 +17,10 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
         if spec.stiffness.iter().any(|&k| k < 0.0) {
             notes.push(format!("{}: stiffness is negative, the spring pushes away", label("joint", &spec.name, i)));
         }
-        if raised(options, spec.solreflimit) || (spec.frictionloss > 0.0 && raised(options, spec.solreffriction)) {
+        let limited = is_limited(spec.range, spec.limited) && spec.kind != JointKind::Free;
+        if (limited && raised(options, spec.solreflimit))
+            || (spec.frictionloss > 0.0 && raised(options, spec.solreffriction))
+        {
             slow.push(label("joint", &spec.name, i));
         }
     }

@@ -269,6 +269,21 @@ fn weights_of_a_ball_and_a_free_joint() {
 }
 
 #[test]
+fn weights_of_a_slider() {
+    let slider = |geom: Geom| {
+        let slide = Joint { armature: 7.0, ..joint(JointKind::Slide, [1.0, 0.0, 0.0]) };
+        model(&single(vec![slide], vec![geom]))
+    };
+    let aside = slider(brick());
+    agrees(&aside, "body_invweight0", &[0.0, 0.0, 0.006060606060606061, 0.0]);
+    agrees(&aside, "dof_invweight0", &[0.01818181818181818]);
+    let centred = slider(Geom { pos: [0.0; 3], ..brick() });
+    agrees(&centred, "body_invweight0", &[0.0, 0.0, 0.02083333333333333, 0.0]);
+    agrees(&centred, "dof_invweight0", &[0.02083333333333333]);
+    agrees(&centred, "dof_M0", &[55.0]);
+}
+
+#[test]
 fn springs_from_time_constants() {
     let two = |springs: [[f64; 2]; 2]| {
         let y = |springdamper| Joint { springdamper, name: String::new(), ..joint(JointKind::Hinge, [0.0, 1.0, 0.0]) };
@@ -433,6 +448,7 @@ fn pairs_of_a_tree() {
     };
     assert_eq!(dofs(0), [(1, true), (2, true)]);
     assert!(!tables.pairs[0].cross);
+    assert_eq!(dofs(1), [(3, true), (4, true)]);
     assert_eq!(dofs(5), [(1, false), (2, false), (3, true), (4, true)]);
     assert!(tables.pairs[5].cross);
     assert_eq!((tables.sizes.nslot, tables.pairs[5].slots), (6, Span { start: 5, len: 1 }));

@@ -20,6 +20,9 @@ pub(super) enum Tag {
 }
 
 impl Tag {
+    /// How many there are.
+    pub const COUNT: usize = 6;
+
     /// The kind of a tag of the actuator section or of a default; `None` if it is not an actuator.
     pub fn of(tag: &str) -> Option<Tag> {
         Some(match tag {

@@ -1,7 +1,7 @@
 //! `custom`: user data, which has no effect but for names that start with `lanesim.`.
 
 use super::reader::Reader;
-use super::report::{Report, propose, quoted};
+use super::report::{Report, quoted};
 use super::tree::{Element, Tree};
 use super::value::keyword;
 
@@ -57,7 +57,10 @@ fn extension(element: &Element, report: &mut Report) {
         ("text", "lanesim.contact") => keyword(data, &[("implicit", false), ("convex", false), ("diagonal", false)]),
         ("text", "lanesim.equality") => keyword(data, &[("soft", true), ("project", false)]),
         ("tuple", "lanesim.maxvel") => Ok(false),
-        _ => return report.error(element, format!("unknown name {}", quoted(name)), propose(name, KNOWN.into_iter())),
+        _ => {
+            let remedy = report.propose(name, KNOWN.into_iter());
+            return report.error(element, format!("unknown name {}", quoted(name)), remedy);
+        }
     };
     match neutral {
         Ok(true) => {}

@@ -7,24 +7,26 @@ use super::contact;
 use super::geom::{RawGeom, RawSite};
 use super::joint;
 use super::reader::Reader;
-use super::report::{Report, propose, quoted};
+use super::report::{Report, quoted};
 use super::tree::{Element, Tree};
 use crate::spec::{Joint, Pair};
 
+/// Most classes of a model.
+const MOST_CLASSES: usize = 10_000;
 /// The class at the root.
 pub(super) const MAIN: usize = 0;
 
 /// The values of one class, inherited ones included.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Class {
-    parent: Option<usize>,
+    parent: usize,
     pub joint: Joint,
     pub geom: RawGeom,
     pub site: RawSite,
     pub pair: Pair,
     actuator: RawActuator,
-    /// The tag that wrote the actuator record in this very class.
-    actuator_tag: Option<Tag>,
+    /// By tag, the nearest class whose actuator record was written by that tag or by `general`.
+    donors: [Option<usize>; Tag::COUNT],
 }
 
 /// All classes.
@@ -53,6 +55,10 @@ impl Classes {
             }
             let mut open = vec![(section, None)];
             while let Some((index, parent)) = open.pop() {
+                if classes.classes.len() > MOST_CLASSES {
+                    report.error(&tree[index], format!("the model has more than {MOST_CLASSES} default classes"), "");
+                    return classes;
+                }
                 let class = parent.map_or(MAIN, |parent| classes.add(&tree[index], parent, report));
                 classes.read_class(tree, index, class, report);
                 let nested = tree[index].children.iter().rev().filter(|&&child| tree[child].tag == "default");
@@ -70,7 +76,7 @@ impl Classes {
             report.error(element, format!("class {} is defined twice", quoted(name)), "");
         }
         let class = self.classes.len();
-        self.classes.push(Class { parent: Some(parent), actuator_tag: None, ..self.classes[parent].clone() });
+        self.classes.push(Class { parent, ..self.classes[parent].clone() });
         self.names.entry(name.to_string()).or_insert(class);
         class
     }
@@ -88,7 +94,7 @@ impl Classes {
                     if let Some(tag) = Tag::of(tag) {
                         let actuator = self.actuator(class, tag, &mut reader);
                         self.classes[class].actuator = actuator;
-                        self.classes[class].actuator_tag = Some(tag);
+                        self.classes[class].donors = self.donors(class, tag);
                     }
                 }
             }
@@ -97,23 +103,29 @@ impl Classes {
 
     /// An actuator of a class, with the attributes of an element.
     pub fn actuator(&self, class: usize, tag: Tag, reader: &mut Reader) -> RawActuator {
-        let mut donor = Some(class);
-        while let Some(at) = donor {
-            if self.classes[at].actuator_tag.is_some_and(|t| t == tag || t == Tag::General) {
-                break;
-            }
-            donor = self.classes[at].parent;
-        }
+        let donor = self.classes[class].donors[tag as usize];
         let mut actuator = self.classes[class].actuator.clone();
         actuator.read(tag, donor.map(|at| &self.classes[at].actuator), reader);
         actuator
+    }
+
+    /// The donors of a class whose actuator record a tag has just written: whoever wrote it before no longer counts.
+    fn donors(&self, class: usize, tag: Tag) -> [Option<usize>; Tag::COUNT] {
+        if tag == Tag::General {
+            return [Some(class); Tag::COUNT];
+        }
+        let inherited =
+            if class == MAIN { [None; Tag::COUNT] } else { self.classes[self.classes[class].parent].donors };
+        let mut donors = inherited;
+        donors[tag as usize] = Some(class);
+        donors
     }
 
     /// The class that an element names by an attribute, or `otherwise`; an unknown one is reported.
     pub fn named(&self, element: &Element, attribute: &str, otherwise: usize, report: &mut Report) -> usize {
         let Some(name) = element.get(attribute) else { return otherwise };
         self.names.get(name).copied().unwrap_or_else(|| {
-            let remedy = propose(name, self.names.keys().map(String::as_str));
+            let remedy = report.propose(name, self.names.keys().map(String::as_str));
             report.error(element, format!("unknown default class {}", quoted(name)), remedy);
             otherwise
         })

@@ -74,7 +74,7 @@ impl Loader<'_> {
                 None => (PathBuf::from(&name), Err("no such file among those given".to_string())),
             },
             Files::Disk { folder, .. } => {
-                let path = folder.join(&name);
+                let path = find(&name, folder, element.source.file.as_deref());
                 let text = read_text(&path);
                 (path, text)
             }
@@ -86,7 +86,11 @@ impl Loader<'_> {
                 return Ok(None);
             }
         };
-        if !self.seen.insert(identity(&path)) {
+        let known = match self.files {
+            Files::Disk { .. } => identity(&path),
+            Files::Memory(_) => path.clone(),
+        };
+        if !self.seen.insert(known) {
             report.error(element, format!("file {} was already included", quoted(&name)), "include each file once");
             return Ok(None);
         }
@@ -95,6 +99,16 @@ impl Loader<'_> {
         check_size(self.bytes, Some(&file))?;
         tree.append(&text, Some(&file)).map(Some)
     }
+}
+
+/// Where a file is: relative to the main file or, if there is none, to the file that includes it.
+fn find(name: &str, folder: &Path, including: Option<&str>) -> PathBuf {
+    let path = folder.join(name);
+    if path.exists() {
+        return path;
+    }
+    let nested = including.and_then(|file| Path::new(file).parent()).map(|folder| folder.join(name));
+    nested.filter(|nested| nested.exists()).unwrap_or(path)
 }
 
 fn check_size(bytes: usize, file: Option<&Arc<str>>) -> Result<(), Diagnostics> {

@@ -56,14 +56,14 @@ impl Replica {
         let names = Names::new(&bodies, &content);
         let (pairs, excludes, actuators) =
             (builder.pairs.to(&names.geoms), builder.excludes.to(&names.bodies), builder.actuators.to(&names.joints));
-        let size = elements(&content) + bodies.iter().map(|body| 1 + elements(body)).sum::<usize>();
+        let width = count.to_string().len();
+        let longer = separator.len() + width;
+        let size = weight(&content, longer) + bodies.iter().map(|body| weight(body, longer)).sum::<usize>();
         let size = size + pairs.len() + excludes.len() + actuators.len();
-        // The empty case is bounded too: names of replicas cost time even if nothing is in them.
-        if !builder.reserve(element, size.max(1).saturating_mul(count)) {
+        if !builder.reserve(element, size.saturating_mul(count)) {
             return;
         }
 
-        let width = count.to_string().len();
         let suffixes: Vec<String> = (0..count).map(|k| format!("{separator}{k:0width$}")).collect();
         builder.pairs.replicate(&pairs, &names.geoms, &suffixes);
         builder.excludes.replicate(&excludes, &names.bodies, &suffixes);
@@ -99,8 +99,13 @@ impl Replica {
     }
 }
 
-fn elements(body: &Body) -> usize {
-    body.joints.len() + body.geoms.len() + body.sites.len()
+/// What a copy of a body costs: its elements, and a little for long names, which nested replicas make longer.
+fn weight(body: &Body, longer: usize) -> usize {
+    let names = [&body.name].into_iter();
+    let names = names.chain(body.joints.iter().map(|joint| &joint.name));
+    let names = names.chain(body.geoms.iter().map(|geom| &geom.name));
+    let names = names.chain(body.sites.iter().map(|site| &site.name));
+    names.map(|name| 1 + (name.len() + longer) / 64).sum()
 }
 
 fn extend(name: &mut String, suffix: &str) {

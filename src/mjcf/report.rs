@@ -42,6 +42,11 @@ impl Report {
         }
     }
 
+    /// A remedy for an unknown word. To search costs time, so none is sought once problems are only counted.
+    pub fn propose<'a>(&self, word: &str, words: impl Iterator<Item = &'a str> + Clone) -> String {
+        if self.problems.0.len() < MOST_PROBLEMS { propose(word, words) } else { String::new() }
+    }
+
     /// An element or attribute that changes the physics and is not supported: a loss if lenient, otherwise a problem.
     pub fn unsupported(&mut self, element: &Element, what: &str) {
         if self.lenient {

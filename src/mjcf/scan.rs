@@ -1,7 +1,8 @@
 //! A first pass over the raw text that bounds what the XML parser will see.
 //!
-//! The parser is quadratic in the attributes of one element, and rejects comments that contain `--`, which MuJoCo's
-//! accepts. So this pass counts attributes and depth, and blanks the inside of comments, keeping every line in its place.
+//! The parser is quadratic in the attributes of one element, so this pass counts them, and the depth. The parser is also
+//! stricter than MuJoCo's: it rejects `--` in comments and attributes without a blank between them. So this pass blanks
+//! the inside of comments and adds such blanks, keeping every line in its place.
 
 /// Most bytes of a model, all files together.
 pub(super) const MOST_BYTES: usize = 64 << 20;
@@ -16,7 +17,7 @@ pub(super) struct Fault {
     pub message: String,
 }
 
-/// Checks the limits and returns the text with its comments blanked.
+/// Checks the limits and returns the text as the XML parser will accept it.
 pub(super) fn scan(text: &str) -> Result<String, Fault> {
     let bytes = text.as_bytes();
     let mut out = Vec::with_capacity(bytes.len());
@@ -46,7 +47,9 @@ pub(super) fn scan(text: &str) -> Result<String, Fault> {
             if depth > DEEPEST {
                 return Err(fault(bytes, at, format!("elements are nested more than {DEEPEST} deep")));
             }
-            at + tag.length
+            separate(&rest[..tag.length], &mut out);
+            at += tag.length;
+            continue;
         } else {
             at + rest.iter().position(|&b| b == b'<').unwrap_or(rest.len())
         };
@@ -76,6 +79,25 @@ fn blank(comment: &[u8], out: &mut Vec<u8>) {
     out.extend_from_slice(b"<!--");
     out.extend(comment[4..comment.len() - 3].iter().map(|&b| if b == b'\n' { b'\n' } else { b' ' }));
     out.extend_from_slice(b"-->");
+}
+
+/// Writes a tag with a blank after each attribute that lacks one.
+fn separate(tag: &[u8], out: &mut Vec<u8>) {
+    let mut quote = None;
+    for (i, &b) in tag.iter().enumerate() {
+        out.push(b);
+        match quote {
+            Some(q) if b == q => {
+                quote = None;
+                if tag.get(i + 1).is_some_and(|next| !next.is_ascii_whitespace() && !b"/>?".contains(next)) {
+                    out.push(b' ');
+                }
+            }
+            Some(_) => {}
+            None if b == b'"' || b == b'\'' => quote = Some(b),
+            None => {}
+        }
+    }
 }
 
 enum Kind {

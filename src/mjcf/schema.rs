@@ -1,6 +1,6 @@
 //! Which elements and attributes there are: a table, and the check of a tree against it.
 
-use super::report::{Report, propose, quoted};
+use super::report::{Report, quoted};
 use super::tree::Tree;
 
 /// What may stand in an element.
@@ -224,7 +224,8 @@ pub(super) fn check(tree: &Tree, report: &mut Report) {
                 Some(rule) => open.push((child, rule)),
                 None => {
                     let message = format!("unknown element in {}", rule.tag);
-                    report.error(element, message, propose(&element.tag, rule.children.iter().map(|r| r.tag)));
+                    let remedy = report.propose(&element.tag, rule.children.iter().map(|r| r.tag));
+                    report.error(element, message, remedy);
                 }
             }
         }
@@ -240,7 +241,7 @@ fn check_attributes(tree: &Tree, index: usize, rule: &Rule, report: &mut Report)
     }
     for (name, _) in &element.attributes {
         if !names(rule.attributes).any(|known| known == name) {
-            let remedy = propose(name, names(rule.attributes));
+            let remedy = report.propose(name, names(rule.attributes));
             report.error(element, format!("unknown attribute {}", quoted(name)), remedy);
         }
     }

@@ -7,6 +7,9 @@ use super::scan::scan;
 use crate::diagnostics::Diagnostics;
 use crate::spec::Source;
 
+/// Most elements and texts of one file.
+const MOST_NODES: u32 = 2_000_000;
+
 /// An XML element.
 #[derive(Debug)]
 pub(super) struct Element {
@@ -54,7 +57,7 @@ impl Tree {
             return Err(file_problem(&source(0), "the file is empty", "an MJCF file starts with <mujoco>"));
         }
         let text = scan(text).map_err(|fault| file_problem(&source(fault.line), fault.message, ""))?;
-        let options = roxmltree::ParsingOptions { allow_dtd: false, ..Default::default() };
+        let options = roxmltree::ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..Default::default() };
         let document = roxmltree::Document::parse_with_options(&text, options).map_err(|error| {
             let remedy = match error {
                 roxmltree::Error::DtdDetected => "remove the document type declaration",

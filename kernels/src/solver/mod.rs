@@ -4,6 +4,7 @@
 //! Drivers iterate until every world of the block has converged; a world that has is frozen by a mask, so its bits do not
 //! depend on how long its neighbours take.
 
+mod cone;
 mod edges;
 mod fill;
 mod hessian;

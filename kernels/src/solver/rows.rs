@@ -1,6 +1,6 @@
 //! Between dofs and rows: J x, row forces, and Jᵀ f.
 
-use super::{Problem, RowVector, Solver, SolverWork};
+use super::{Problem, RowVector, Solver, SolverWork, cone};
 use crate::constraint::{Constraint, ContactRow, DofRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::spatial::dot6;
@@ -73,25 +73,6 @@ pub fn dof_force<L: Lane>(row: &DofRow<L>, y: L) -> (L, L) {
     }
 }
 
-/// Component forces of a pyramidal contact from its components `y`.
-#[inline(always)]
-pub fn pyramid_force<L: Lane>(row: &ContactRow<L>, y: &[L], force: &mut [L]) {
-    let zero = L::zero();
-    if row.dim == 1 {
-        force[0] = -(row.d * y[0].min(zero));
-        return;
-    }
-    let mut normal = zero;
-    for j in 1..y.len() {
-        let mu = row.friction[j - 1];
-        let plus = mu.mul_add(y[j], y[0]).min(zero);
-        let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
-        normal += plus + minus;
-        force[j] = -(row.d * mu * (plus - minus));
-    }
-    force[0] = -(row.d * normal);
-}
-
 /// Row forces from y, their generalised force Jᵀf, and the gradient M a - smooth force - Jᵀf.
 pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let Problem { model, position, acceleration, constraint, .. } = problem;
@@ -118,7 +99,7 @@ pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     for row in &constraint.contact_rows {
         let (first, dim) = (row.component as usize, row.dim as usize);
         let force = &mut work.force.component[first..first + dim];
-        pyramid_force(row, &work.y.component[first..first + dim], force);
+        cone::force(row, &work.y.component[first..first + dim], force);
         if row.link != NONE {
             let wrench = &mut wrench[row.link as usize];
             for (f, w) in force.iter().zip(&constraint.motion[first..first + dim]) {
@@ -156,7 +137,7 @@ pub fn cost<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>) -> L {
     let mut twice = zero;
     for (row, y) in constraint.dof_rows.iter().zip(&y.dof) {
         let (force, _) = dof_force(row, *y);
-        // Quadratic: D y² = -f y; sliding friction: η (2|y| - η/D) = -f y - f² (1/D) + ...
+        // Twice the cost: D y² = -f y; sliding friction: η (2|y| - η/D).
         let quadratic = -(force * *y);
         twice += if row.kind == DofRowKind::Friction {
             let slides = (row.d * *y).abs().ge(row.bound);
@@ -168,19 +149,7 @@ pub fn cost<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>) -> L {
     }
     for row in &constraint.contact_rows {
         let first = row.component as usize;
-        let y = &y.component[first..first + row.dim as usize];
-        let mut squares = zero;
-        if row.dim == 1 {
-            let e = y[0].min(zero);
-            squares = e * e;
-        }
-        for j in 1..y.len() {
-            let mu = row.friction[j - 1];
-            let plus = mu.mul_add(y[j], y[0]).min(zero);
-            let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
-            squares = minus.mul_add(minus, plus.mul_add(plus, squares));
-        }
-        twice = row.d.mul_add(squares, twice);
+        twice += cone::twice_cost(row, &y.component[first..first + row.dim as usize]);
     }
     twice * L::of(0.5)
 }
