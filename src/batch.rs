@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lanesim_kernels::constraint::DofRowKind;
+use lanesim_kernels::constraint::{Cone, DofRowKind};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::Model as KernelModel;
 use lanesim_kernels::pipeline::{self, Run, StageClock};
@@ -153,7 +153,10 @@ fn gather<L: LaneQuery>(workspace: &Workspace<L>, alive: u32, statistics: &mut S
         statistics.rows += if acts { worlds } else { count(row.d.gt(L::zero())) };
     }
     for row in &workspace.constraint.contact_rows {
-        let rows = if row.dim == 1 { 1 } else { 2 * (row.dim - 1) };
+        let rows = match row.cone {
+            Cone::Ray | Cone::Ellipse => row.dim,
+            Cone::Pyramid => 2 * (row.dim - 1),
+        };
         statistics.rows += f64::from(rows) * count(row.d.gt(L::zero()));
     }
     let solver = &workspace.solver.statistics;

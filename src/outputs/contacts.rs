@@ -1,7 +1,7 @@
 //! Contacts and constraint rows of one world, in MuJoCo's order and layout.
 
 use lanesim_kernels::collision::{origin, reference};
-use lanesim_kernels::constraint::{ContactRow, DofRow, DofRowKind};
+use lanesim_kernels::constraint::{Cone, ContactRow, DofRow, DofRowKind};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::NONE;
 
@@ -12,6 +12,7 @@ const FRICTION_DOF: i32 = 1;
 const LIMIT_JOINT: i32 = 3;
 const CONTACT_FRICTIONLESS: i32 = 5;
 const CONTACT_PYRAMIDAL: i32 = 6;
+const CONTACT_ELLIPTIC: i32 = 7;
 
 /// A constraint row of one world.
 struct Row {
@@ -90,7 +91,7 @@ fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact])
         if row.d.get(lane).to_f64() > 0.0 {
             let Some(n) = contacts.iter().position(|c| c.index == row.contact as usize) else { continue };
             contacts[n].row = Some(out.len());
-            edges(view, lane, row, n, &mut out);
+            contact_rows(view, lane, row, n, &mut out);
         }
     }
     out
@@ -126,30 +127,47 @@ fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, i: us
     }
 }
 
-/// The rows of a contact: its normal, or the edges of its pyramid.
-fn edges<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>, id: usize, out: &mut Vec<Row>) {
+/// The rows of a contact: its normal, the edges of its pyramid, or its components.
+fn contact_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>, id: usize, out: &mut Vec<Row>) {
     let (first, dim) = (row.component as usize, row.dim as usize);
     let components = component_jacobians(view, lane, row);
-    let constraint = &view.workspace.constraint;
-    let reference: Vec<f64> = (0..dim).map(|i| number(&constraint.reference[first + i], lane)).collect();
-    let y: Vec<f64> = (0..dim).map(|i| number(&view.workspace.solver.y.component[first + i], lane)).collect();
+    let work = &view.workspace.solver;
+    let read = |lanes: &[L]| lanes[first..first + dim].iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
+    let reference = read(&view.workspace.constraint.reference);
+    let (y, force) = (read(&work.y.component), read(&work.force.component));
     let d = number(&row.d, lane);
     let margin = view.tables.pairs[row.pair as usize].margin.to_f64();
     let pos = number(&view.workspace.collision.contacts[row.contact as usize].dist, lane);
-    let mut push = |kind: i32, j: usize, mu: f64| {
-        let mix = |v: &[f64]| if j == 0 { v[0] } else { mu.mul_add(v[j], v[0]) };
-        let jacobian =
-            (0..view.tables.sizes.nv).map(|dof| mix(&components.iter().map(|c| c[dof]).collect::<Vec<_>>())).collect();
-        let force = (-d * mix(&y)).max(0.0);
-        out.push(Row { kind, id, jacobian, pos, margin, d, aref: -mix(&reference), force });
-    };
-    if dim == 1 {
-        push(CONTACT_FRICTIONLESS, 0, 0.0);
-    }
-    for j in 1..dim {
-        let mu = number(&row.friction[j - 1], lane);
-        push(CONTACT_PYRAMIDAL, j, mu);
-        push(CONTACT_PYRAMIDAL, j, -mu);
+    let mu = |j: usize| number(&row.friction[j - 1], lane);
+    match row.cone {
+        Cone::Ray => {
+            let (kind, jacobian) = (CONTACT_FRICTIONLESS, components[0].clone());
+            out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[0], force: force[0] });
+        }
+        Cone::Pyramid => {
+            for (j, mu) in (1..dim).flat_map(|j| [(j, mu(j)), (j, -mu(j))]) {
+                let mix = |v: &[f64]| mu.mul_add(v[j], v[0]);
+                let edge = |dof: usize| mu.mul_add(components[j][dof], components[0][dof]);
+                out.push(Row {
+                    kind: CONTACT_PYRAMIDAL,
+                    id,
+                    jacobian: (0..view.tables.sizes.nv).map(edge).collect(),
+                    pos,
+                    margin,
+                    d,
+                    aref: -mix(&reference),
+                    force: (-d * mix(&y)).max(0.0),
+                });
+            }
+        }
+        Cone::Ellipse => {
+            for (j, jacobian) in components.into_iter().enumerate() {
+                let ratio = if j == 0 { 1.0 } else { (mu(j) / number(&row.mu, lane)).powi(2) };
+                let (pos, margin) = if j == 0 { (pos, margin) } else { (0.0, 0.0) };
+                let (kind, d) = (CONTACT_ELLIPTIC, d * ratio);
+                out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[j], force: force[j] });
+            }
+        }
     }
 }
 

@@ -32,7 +32,7 @@ VERSION = "4.0.0"
 INPUTS = ("qpos", "qvel", "ctrl", "qfrc_applied", "xfrc_applied")
 SIZES = "nq nv nu na nbody njnt ngeom nsite nkey npair nexclude".split()
 MODEL = (
-    "qpos0 qpos_spring body_parentid body_mass body_inertia body_pos body_quat body_ipos body_iquat body_invweight0 body_gravcomp "
+    "qpos0 qpos_spring body_parentid body_mass body_inertia body_pos body_quat body_ipos body_invweight0 body_gravcomp "
     "jnt_type jnt_bodyid jnt_qposadr jnt_dofadr jnt_pos jnt_axis jnt_stiffness jnt_range jnt_limited dof_bodyid dof_parentid "
     "dof_armature dof_damping dof_invweight0 geom_type geom_bodyid geom_size geom_pos geom_quat geom_rbound site_bodyid site_pos "
     "site_quat actuator_gear actuator_gainprm actuator_biasprm actuator_ctrlrange actuator_forcerange actuator_acc0 "

@@ -55,8 +55,8 @@ fn at<L: Lane>(first: &Body<L>, second: &Body<L>, s: &Segments<L>, x1: L, x2: L)
 pub(super) fn crossing<L: Lane>(first: &Body<L>, second: &Body<L>) -> (Candidate<L>, L::Mask) {
     let s = segments(first, second);
     let det = s.b.neg_mul_add(s.b, s.a * s.c);
-    let threshold = (s.a * s.c).mul_add(L::of(8.0 * L::Real::EPSILON), L::of(1e-15));
-    let parallel = det.abs().lt(threshold);
+    // Parallel up to an angle of 1e-4, or what the number type can tell.
+    let parallel = det.abs().le(s.a * s.c * L::of((8.0 * L::Real::EPSILON).max(1e-8)));
     let one = L::one();
     let inverse = one / L::select(parallel, one, det);
     let free1 = s.b.neg_mul_add(s.v, s.c * s.u) * inverse;

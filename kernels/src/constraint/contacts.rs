@@ -1,11 +1,12 @@
 //! Rows of contacts.
 
-use super::{Constraint, ContactRow, dof_rows};
+use super::{Cone, Constraint, ContactRow, dof_rows};
 use crate::collision::{Collision, Contact, origin, reference};
 use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::vec3::{Vec3, add, cross, neg, row, splat, sub};
 use crate::model::{Model, NONE, Pair};
+use crate::options;
 use crate::position::Position;
 use crate::velocity::Velocity;
 
@@ -50,8 +51,10 @@ pub fn contact_rows<L: LaneQuery>(
             component: component as u32,
             link: if !one_sided { NONE } else { reference(pair) },
             jacobian,
+            cone: cone(model, pair),
             d: L::select(acts, d, L::zero()),
             friction: splat(&pair.friction),
+            mu: L::splat(pair.friction[0]) * L::of((1.0 / model.options.impratio).sqrt()),
         });
     }
 }
@@ -123,8 +126,16 @@ fn two_sides<L: Lane>(
     speeds
 }
 
-/// D of the contact's rows, and minus the reference acceleration of each component. The pyramid's rows share
-/// R = 2 μ₁² (1 + μ₁²) Â (1 - d)/d / impratio.
+fn cone<T>(model: &Model<T>, pair: &Pair<T>) -> Cone {
+    match model.options.cone {
+        _ if pair.condim == 1 => Cone::Ray,
+        options::Cone::Pyramidal => Cone::Pyramid,
+        options::Cone::Elliptic => Cone::Ellipse,
+    }
+}
+
+/// D of the contact's first row, and minus the reference acceleration of each component. A pyramid's rows share
+/// R = 2 μ₁² (1 + μ₁²) Â (1 - d)/d / impratio; friction rows of an elliptic cone have damping of their own.
 #[inline(always)]
 fn regularise<L: Lane>(
     model: &Model<L::Real>,
@@ -133,15 +144,16 @@ fn regularise<L: Lane>(
     speeds: &[L; 6],
 ) -> (L, [L; 6]) {
     let weight = L::splat(pair.invweight);
-    let b = L::splat(pair.impedance.b);
-    let (diagonal, factor) = if pair.condim == 1 {
-        (weight, L::one())
-    } else {
+    let cone = cone(model, pair);
+    let (diagonal, factor) = if cone == Cone::Pyramid {
         let mu2 = L::splat(pair.friction[0]) * L::splat(pair.friction[0]);
         (mu2.mul_add(weight, weight), (mu2 + mu2) * L::of(1.0 / model.options.impratio))
+    } else {
+        (weight, L::one())
     };
     let pos = contact.dist - L::splat(pair.margin);
     let (d, normal) = dof_rows::row(&pair.impedance, pos, speeds[0], diagonal, factor);
+    let b = if cone == Cone::Ellipse { L::splat(pair.friction_b) } else { L::splat(pair.impedance.b) };
     let mut references = speeds.map(|v| b * v);
     references[0] = normal;
     (d, references)

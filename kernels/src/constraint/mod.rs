@@ -54,6 +54,17 @@ pub struct DofRow<L> {
     pub bound: L,
 }
 
+/// The set to which a contact's force is confined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cone {
+    /// Normal force alone.
+    Ray,
+    /// Pyramid: one row per edge, all with the same D.
+    Pyramid,
+    /// Elliptic cone: one row per component, of D·(μⱼ/μ̂)².
+    Ellipse,
+}
+
 /// A contact's place among the rows.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactRow<L> {
@@ -69,10 +80,14 @@ pub struct ContactRow<L> {
     pub link: u32,
     /// First entry of the stored Jacobian (both sides move): dof by dof, the components of each.
     pub jacobian: u32,
-    /// D of every row of a pyramid; 0 in worlds where the contact does not act.
+    /// Cone.
+    pub cone: Cone,
+    /// D of the normal row, and of every row of a pyramid; 0 in worlds where the contact does not act.
     pub d: L,
     /// Friction of components 1 to 5.
     pub friction: [L; 5],
+    /// Regularised friction coefficient μ̂ of an elliptic cone.
+    pub mu: L,
 }
 
 /// Constraint rows of a block.

@@ -1,8 +1,8 @@
-//! The one-sided rows of an iterate (limits and pyramid edges), flat, for the line search.
+//! The rows of an iterate (limits, pyramid edges, dry friction, elliptic contacts), flat, for the line search.
 
 use super::RowVector;
-use crate::constraint::{Constraint, DofRowKind};
-use crate::lane::{LaneQuery, Mask};
+use crate::constraint::{Cone, Constraint, ContactRow, DofRowKind};
+use crate::lane::{Lane, LaneQuery, Mask, Real};
 
 /// Along a + α p a one-sided row costs ½ D min(y + α v, 0)².
 #[derive(Clone, Debug)]
@@ -11,18 +11,74 @@ pub struct Edges<L> {
     edges: Vec<[L; 3]>,
     /// Dry friction: (y, v, D, bound).
     frictions: Vec<[L; 4]>,
+    /// Elliptic contacts.
+    ellipses: Vec<Ellipse<L>>,
+}
+
+/// An elliptic contact along a + α p: N = n + α dn, T² = uu + 2 α uv + α² vv.
+#[derive(Clone, Copy, Debug)]
+struct Ellipse<L> {
+    n: L,
+    dn: L,
+    uu: L,
+    uv: L,
+    vv: L,
+    mu: L,
+    kappa: L,
+}
+
+impl<L: Lane> Ellipse<L> {
+    fn new(row: &ContactRow<L>, y: &[L], v: &[L]) -> Self {
+        let (mut uu, mut uv, mut vv) = (L::zero(), L::zero(), L::zero());
+        for j in 1..y.len() {
+            let (u, w) = (row.friction[j - 1] * y[j], row.friction[j - 1] * v[j]);
+            uu = u.mul_add(u, uu);
+            uv = u.mul_add(w, uv);
+            vv = w.mul_add(w, vv);
+        }
+        let kappa = row.d / (row.mu * row.mu);
+        Ellipse { n: row.mu * y[0], dn: row.mu * v[0], uu, uv, vv, mu: row.mu, kappa }
+    }
+
+    /// N, T, and whether the point lies in the top and in the bottom zone.
+    #[inline(always)]
+    fn zone(&self, alpha: L) -> (L, L, L::Mask, L::Mask) {
+        let n = alpha.mul_add(self.dn, self.n);
+        let squared = alpha.mul_add(alpha.mul_add(self.vv, self.uv + self.uv), self.uu);
+        let t = squared.max(L::zero()).sqrt();
+        (n, t, n.ge(self.mu * t), self.mu.mul_add(n, t).le(L::zero()))
+    }
+
+    /// First and second derivative of the cost by α.
+    #[inline(always)]
+    fn slope(&self, alpha: L) -> (L, L) {
+        let zero = L::zero();
+        let (n, t, top, bottom) = self.zone(alpha);
+        let along = alpha.mul_add(self.vv, self.uv);
+        let low = (self.kappa * n.mul_add(self.dn, along), self.kappa * self.dn.mul_add(self.dn, self.vv));
+        let tiny = t.lt(L::of(L::Real::MINVAL));
+        let inverse = L::one() / L::select(tiny, L::one(), t);
+        let dt = along * inverse;
+        let ddt = dt.neg_mul_add(dt, self.vv) * inverse;
+        let stiffness = self.kappa / self.mu.mul_add(self.mu, L::one());
+        let (gap, rate) = (self.mu.neg_mul_add(t, n), self.mu.neg_mul_add(dt, self.dn));
+        let middle = (stiffness * gap * rate, stiffness * rate.mul_add(rate, -(gap * self.mu * ddt)));
+        let pick = |low: L, middle: L| L::select(bottom, low, L::select(top, zero, middle));
+        (pick(low.0, middle.0), pick(low.1, middle.1))
+    }
 }
 
 impl<L: LaneQuery> Edges<L> {
     /// Room for `n` edges.
     pub fn with_capacity(n: usize) -> Self {
-        Edges { edges: Vec::with_capacity(n), frictions: Vec::with_capacity(n) }
+        Edges { edges: Vec::with_capacity(n), frictions: Vec::with_capacity(n), ellipses: Vec::with_capacity(n) }
     }
 
     /// Collects the edges of an iterate with rows `y` and direction `v`.
     pub fn collect(&mut self, constraint: &Constraint<L>, y: &RowVector<L>, v: &RowVector<L>) {
         self.edges.clear();
         self.frictions.clear();
+        self.ellipses.clear();
         for ((row, y), v) in constraint.dof_rows.iter().zip(&y.dof).zip(&v.dof) {
             if row.kind == DofRowKind::Friction {
                 self.frictions.push([*y, *v, row.d, row.bound]);
@@ -33,15 +89,18 @@ impl<L: LaneQuery> Edges<L> {
         for row in &constraint.contact_rows {
             let range = row.component as usize..(row.component + row.dim) as usize;
             let (y, v) = (&y.component[range.clone()], &v.component[range]);
-            if row.dim == 1 {
-                self.edges.push([y[0], v[0], row.d * v[0]]);
-            }
-            for j in 1..y.len() {
-                let mu = row.friction[j - 1];
-                let up = mu.mul_add(v[j], v[0]);
-                let down = mu.neg_mul_add(v[j], v[0]);
-                self.edges.push([mu.mul_add(y[j], y[0]), up, row.d * up]);
-                self.edges.push([mu.neg_mul_add(y[j], y[0]), down, row.d * down]);
+            match row.cone {
+                Cone::Ray => self.edges.push([y[0], v[0], row.d * v[0]]),
+                Cone::Pyramid => {
+                    for j in 1..y.len() {
+                        let mu = row.friction[j - 1];
+                        let up = mu.mul_add(v[j], v[0]);
+                        let down = mu.neg_mul_add(v[j], v[0]);
+                        self.edges.push([mu.mul_add(y[j], y[0]), up, row.d * up]);
+                        self.edges.push([mu.neg_mul_add(y[j], y[0]), down, row.d * down]);
+                    }
+                }
+                Cone::Ellipse => self.ellipses.push(Ellipse::new(row, y, v)),
             }
         }
     }
@@ -59,6 +118,11 @@ impl<L: LaneQuery> Edges<L> {
             let pull = *d * alpha.mul_add(*v, *y);
             first = pull.clamp(-*bound, *bound).mul_add(*v, first);
             second += L::select(pull.abs().lt(*bound), *d * *v * *v, zero);
+        }
+        for ellipse in &self.ellipses {
+            let (slope, curvature) = ellipse.slope(alpha);
+            first += slope;
+            second += curvature;
         }
         (first, second)
     }
@@ -91,7 +155,8 @@ impl<L: LaneQuery> Edges<L> {
         alpha
     }
 
-    /// Whether no row changes between acting and not acting (or sticking and sliding) on the way to `alpha`.
+    /// Whether every row stays in one quadratic piece of its cost on the way to `alpha`: none changes between acting and
+    /// not acting, or sticking and sliding.
     pub fn unchanged(&self, alpha: L) -> L::Mask {
         let zero = L::zero();
         let mut same = L::Mask::splat(true);
@@ -105,6 +170,10 @@ impl<L: LaneQuery> Edges<L> {
             same = same & from.abs().lt(*bound) & to.abs().lt(*bound)
                 | same & from.ge(*bound) & to.ge(*bound)
                 | same & from.le(-*bound) & to.le(-*bound);
+        }
+        for ellipse in &self.ellipses {
+            let ((.., top, bottom), (.., end_top, end_bottom)) = (ellipse.zone(zero), ellipse.zone(alpha));
+            same = same & ((top & end_top) | (bottom & end_bottom) | ellipse.kappa.eq(zero));
         }
         same
     }

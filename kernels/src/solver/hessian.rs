@@ -4,6 +4,7 @@
 //! the composite rigid body algorithm pushes inertias, so the cost hardly depends on the number of contacts and H keeps
 //! M's sparsity. Contacts between links add their rows' products.
 
+use super::cone::{self, Stiffness};
 use super::{Problem, Solver, SolverWork, rows};
 use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::Lane;
@@ -18,32 +19,6 @@ type Sym6<L> = [L; 21];
 #[inline(always)]
 const fn at(i: usize, j: usize) -> usize {
     if i >= j { i * (i + 1) / 2 + j } else { j * (j + 1) / 2 + i }
-}
-
-/// Stiffness of a pyramid in its components: the normal couples to every other component, those not to each other.
-struct Arrow<L> {
-    normal: L,
-    side: [L; 5],
-    cross: [L; 5],
-}
-
-#[inline(always)]
-fn pyramid_stiffness<L: Lane>(row: &ContactRow<L>, y: &[L]) -> Arrow<L> {
-    let zero = L::zero();
-    let mut arrow = Arrow { normal: zero, side: [zero; 5], cross: [zero; 5] };
-    if y.len() == 1 {
-        arrow.normal = L::select(y[0].lt(zero), row.d, zero);
-        return arrow;
-    }
-    for j in 1..y.len() {
-        let mu = row.friction[j - 1];
-        let plus = L::select(mu.mul_add(y[j], y[0]).lt(zero), row.d, zero);
-        let minus = L::select(mu.neg_mul_add(y[j], y[0]).lt(zero), row.d, zero);
-        arrow.normal += plus + minus;
-        arrow.side[j - 1] = mu * mu * (plus + minus);
-        arrow.cross[j - 1] = mu * (plus - minus);
-    }
-    arrow
 }
 
 /// Fills the Hessian for the current iterate.
@@ -72,11 +47,11 @@ pub fn assemble<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     }
     for row in &constraint.contact_rows {
         let (first, dim) = (row.component as usize, row.dim as usize);
-        let arrow = pyramid_stiffness(row, &work.y.component[first..first + dim]);
+        let k = cone::stiffness(row, &work.y.component[first..first + dim]);
         if row.link != NONE {
-            add_to_link(&arrow, &constraint.motion[first..first + dim], &mut stiffness[row.link as usize]);
+            add_to_link(&k, &constraint.motion[first..first + dim], &mut stiffness[row.link as usize]);
         } else {
-            add_rows(model, constraint, row, &arrow, hessian);
+            add_rows(model, constraint, row, &k, hessian);
         }
     }
     push_down(model, position, &work.touched, stiffness, hessian);
@@ -84,15 +59,28 @@ pub fn assemble<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
 
 /// stiffness += Wᵀ K W, W the components' motion rows.
 #[inline(always)]
-fn add_to_link<L: Lane>(arrow: &Arrow<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
-    let mut normal: Spatial<L> = w[0].map(|x| arrow.normal * x);
-    for j in 1..w.len() {
-        let (side, cross) = (arrow.side[j - 1], arrow.cross[j - 1]);
-        normal = scale_add(cross, &w[j], &normal);
-        let t: Spatial<L> = std::array::from_fn(|i| side.mul_add(w[j][i], cross * w[0][i]));
-        rank_one(&t, &w[j], stiffness);
+fn add_to_link<L: Lane>(k: &Stiffness<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
+    match k {
+        Stiffness::Arrow(normal, side, cross) => {
+            let mut sum: Spatial<L> = w[0].map(|x| *normal * x);
+            for j in 1..w.len() {
+                let (side, cross) = (side[j - 1], cross[j - 1]);
+                sum = scale_add(cross, &w[j], &sum);
+                let t: Spatial<L> = std::array::from_fn(|i| side.mul_add(w[j][i], cross * w[0][i]));
+                rank_one(&t, &w[j], stiffness);
+            }
+            rank_one(&sum, &w[0], stiffness);
+        }
+        Stiffness::Full(k) => {
+            for j in 0..w.len() {
+                let mut sum = [L::zero(); 6];
+                for i in 0..w.len() {
+                    sum = scale_add(k[i.max(j)][i.min(j)], &w[i], &sum);
+                }
+                rank_one(&sum, &w[j], stiffness);
+            }
+        }
     }
-    rank_one(&normal, &w[0], stiffness);
 }
 
 /// s += lower triangle of a bᵀ.
@@ -111,19 +99,13 @@ fn add_rows<L: Lane>(
     model: &Model<L::Real>,
     constraint: &Constraint<L>,
     row: &ContactRow<L>,
-    arrow: &Arrow<L>,
+    k: &Stiffness<L>,
     hessian: &mut [L],
 ) {
     let pair = &model.pairs[row.pair as usize];
     let dofs = &model.pair_dofs[pair.dofs.range()];
     for (n, (i, column)) in rows::two_sided(model, constraint, row).enumerate() {
-        // K times the column of dof i.
-        let mut scaled = [L::zero(); 6];
-        scaled[0] = arrow.normal * column[0];
-        for j in 1..column.len() {
-            scaled[0] = arrow.cross[j - 1].mul_add(column[j], scaled[0]);
-            scaled[j] = arrow.side[j - 1].mul_add(column[j], arrow.cross[j - 1] * column[0]);
-        }
+        let scaled = times(k, column);
         let base = model.rows.start[i] as usize;
         let first = model.rows.first[i] as usize;
         for (entry, other) in dofs[..=n].iter().zip(rows::two_sided(model, constraint, row)) {
@@ -133,6 +115,29 @@ fn add_rows<L: Lane>(
             }
         }
     }
+}
+
+/// K times a column of components.
+#[inline(always)]
+fn times<L: Lane>(k: &Stiffness<L>, column: &[L]) -> [L; 6] {
+    let mut out = [L::zero(); 6];
+    match k {
+        Stiffness::Arrow(normal, side, cross) => {
+            out[0] = *normal * column[0];
+            for j in 1..column.len() {
+                out[0] = cross[j - 1].mul_add(column[j], out[0]);
+                out[j] = side[j - 1].mul_add(column[j], cross[j - 1] * column[0]);
+            }
+        }
+        Stiffness::Full(k) => {
+            for (i, out) in out.iter_mut().enumerate().take(column.len()) {
+                for (j, x) in column.iter().enumerate() {
+                    *out = k[i.max(j)][i.min(j)].mul_add(*x, *out);
+                }
+            }
+        }
+    }
+    out
 }
 
 /// Sums stiffnesses towards the roots and adds Sᵀ K S to the Hessian.

@@ -1,6 +1,6 @@
 //! Between dofs and rows: J x, row forces, and Jᵀ f.
 
-use super::{Problem, RowVector, Solver, SolverWork};
+use super::{Problem, RowVector, Solver, SolverWork, cone};
 use crate::constraint::{Constraint, ContactRow, DofRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::spatial::dot6;
@@ -73,32 +73,33 @@ pub fn dof_force<L: Lane>(row: &DofRow<L>, y: L) -> (L, L) {
     }
 }
 
-/// Component forces of a pyramidal contact from its components `y`.
-#[inline(always)]
-pub fn pyramid_force<L: Lane>(row: &ContactRow<L>, y: &[L], force: &mut [L]) {
-    let zero = L::zero();
-    if row.dim == 1 {
-        force[0] = -(row.d * y[0].min(zero));
-        return;
-    }
-    let mut normal = zero;
-    for j in 1..y.len() {
-        let mu = row.friction[j - 1];
-        let plus = mu.mul_add(y[j], y[0]).min(zero);
-        let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
-        normal += plus + minus;
-        force[j] = -(row.d * mu * (plus - minus));
-    }
-    force[0] = -(row.d * normal);
-}
-
 /// Row forces from y, their generalised force Jᵀf, and the gradient M a - smooth force - Jᵀf.
 pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, position, acceleration, constraint, .. } = problem;
-    let Solver { qfrc_constraint, wrench, ma, gradient, .. } = &mut work.fields;
-    qfrc_constraint.fill(L::zero());
-    for ((row, y), force) in constraint.dof_rows.iter().zip(&work.y.dof).zip(&mut work.force.dof) {
+    from_y(problem.constraint, &work.y, &mut work.force);
+    transpose(problem, work);
+    let Solver { qfrc_constraint, ma, gradient, .. } = &mut work.fields;
+    for i in 0..gradient.len() {
+        gradient[i] = ma[i] - problem.acceleration.qfrc_smooth[i] - qfrc_constraint[i];
+    }
+}
+
+/// Row forces from y.
+pub fn from_y<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>, force: &mut RowVector<L>) {
+    for ((row, y), force) in constraint.dof_rows.iter().zip(&y.dof).zip(&mut force.dof) {
         *force = dof_force(row, *y).0;
+    }
+    for row in &constraint.contact_rows {
+        let range = row.component as usize..(row.component + row.dim) as usize;
+        cone::force(row, &y.component[range.clone()], &mut force.component[range]);
+    }
+}
+
+/// Generalised force Jᵀf of the row forces.
+pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let Problem { model, position, constraint, .. } = problem;
+    let Solver { qfrc_constraint, wrench, .. } = &mut work.fields;
+    qfrc_constraint.fill(L::zero());
+    for (row, force) in constraint.dof_rows.iter().zip(&work.force.dof) {
         let out = &mut qfrc_constraint[row.dof as usize..];
         match row.kind {
             DofRowKind::Friction | DofRowKind::Lower => out[0] += *force,
@@ -116,12 +117,11 @@ pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
         }
     }
     for row in &constraint.contact_rows {
-        let (first, dim) = (row.component as usize, row.dim as usize);
-        let force = &mut work.force.component[first..first + dim];
-        pyramid_force(row, &work.y.component[first..first + dim], force);
+        let range = row.component as usize..(row.component + row.dim) as usize;
+        let force = &work.force.component[range.clone()];
         if row.link != NONE {
             let wrench = &mut wrench[row.link as usize];
-            for (f, w) in force.iter().zip(&constraint.motion[first..first + dim]) {
+            for (f, w) in force.iter().zip(&constraint.motion[range]) {
                 *wrench = scale_add(*f, w, wrench);
             }
         } else {
@@ -145,9 +145,6 @@ pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
             *parent = add(parent, &sum);
         }
     }
-    for i in 0..gradient.len() {
-        gradient[i] = ma[i] - acceleration.qfrc_smooth[i] - qfrc_constraint[i];
-    }
 }
 
 /// Cost of the rows at y.
@@ -156,7 +153,7 @@ pub fn cost<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>) -> L {
     let mut twice = zero;
     for (row, y) in constraint.dof_rows.iter().zip(&y.dof) {
         let (force, _) = dof_force(row, *y);
-        // Quadratic: D y² = -f y; sliding friction: η (2|y| - η/D) = -f y - f² (1/D) + ...
+        // Twice the cost: D y² = -f y; sliding friction: η (2|y| - η/D).
         let quadratic = -(force * *y);
         twice += if row.kind == DofRowKind::Friction {
             let slides = (row.d * *y).abs().ge(row.bound);
@@ -168,19 +165,7 @@ pub fn cost<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>) -> L {
     }
     for row in &constraint.contact_rows {
         let first = row.component as usize;
-        let y = &y.component[first..first + row.dim as usize];
-        let mut squares = zero;
-        if row.dim == 1 {
-            let e = y[0].min(zero);
-            squares = e * e;
-        }
-        for j in 1..y.len() {
-            let mu = row.friction[j - 1];
-            let plus = mu.mul_add(y[j], y[0]).min(zero);
-            let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
-            squares = minus.mul_add(minus, plus.mul_add(plus, squares));
-        }
-        twice = row.d.mul_add(squares, twice);
+        twice += cone::twice_cost(row, &y.component[first..first + row.dim as usize]);
     }
     twice * L::of(0.5)
 }

@@ -1,0 +1,166 @@
+//! The contact model: cost, force and stiffness of a contact as functions of its components y.
+//!
+//! * Ray (frictionless): ½ D min(y₀, 0)².
+//! * Pyramid: the same for every edge y₀ ± μⱼ yⱼ.
+//! * Ellipse, with U = (μ̂ y₀, μ₁ y₁, ...), N = U₀, T = ‖U₁..‖, κ = D/μ̂²: nothing where N ≥ μ̂ T; ½ κ ‖U‖² where
+//!   μ̂ N + T ≤ 0; ½ κ/(1 + μ̂²) (N - μ̂ T)² between.
+
+use crate::constraint::{Cone, ContactRow};
+use crate::lane::{Lane, Real};
+
+/// Stiffness of a contact in its components.
+pub enum Stiffness<L> {
+    /// The normal couples to every other component, those not to each other: (normal, sides, normal with side).
+    Arrow(L, [L; 5], [L; 5]),
+    /// Any symmetric matrix, lower triangle.
+    Full([[L; 6]; 6]),
+}
+
+/// Forces of the components.
+#[inline(always)]
+pub fn force<L: Lane>(row: &ContactRow<L>, y: &[L], force: &mut [L]) {
+    let zero = L::zero();
+    match row.cone {
+        Cone::Ray => force[0] = -(row.d * y[0].min(zero)),
+        Cone::Pyramid => {
+            let mut normal = zero;
+            for j in 1..y.len() {
+                let mu = row.friction[j - 1];
+                let plus = mu.mul_add(y[j], y[0]).min(zero);
+                let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
+                normal += plus + minus;
+                force[j] = -(row.d * mu * (plus - minus));
+            }
+            force[0] = -(row.d * normal);
+        }
+        Cone::Ellipse => {
+            let zone = Zone::new(row, y);
+            let pull = zone.middle_stiffness(row) * zone.gap();
+            // Bottom: -κ Uⱼ scaleⱼ. Middle: -∂/∂yⱼ of ½ Dm (N - μ̂ T)².
+            let normal = L::select(zone.bottom, zone.kappa * zone.n, L::select(zone.top, zero, pull));
+            force[0] = -(normal * row.mu);
+            for j in 1..y.len() {
+                let bottom = zone.kappa * zone.u[j];
+                let middle = -(pull * row.mu * zone.t_inverse * zone.u[j]);
+                let side = L::select(zone.bottom, bottom, L::select(zone.top, zero, middle));
+                force[j] = -(side * row.friction[j - 1]);
+            }
+        }
+    }
+}
+
+/// Second derivative of the cost.
+#[inline(always)]
+pub fn stiffness<L: Lane>(row: &ContactRow<L>, y: &[L]) -> Stiffness<L> {
+    let zero = L::zero();
+    if row.cone == Cone::Ellipse {
+        return Stiffness::Full(ellipse_stiffness(row, y));
+    }
+    let (mut normal, mut side, mut cross) = (zero, [zero; 5], [zero; 5]);
+    if row.cone == Cone::Ray {
+        normal = L::select(y[0].lt(zero), row.d, zero);
+    }
+    for j in 1..y.len() {
+        let mu = row.friction[j - 1];
+        let plus = L::select(mu.mul_add(y[j], y[0]).lt(zero), row.d, zero);
+        let minus = L::select(mu.neg_mul_add(y[j], y[0]).lt(zero), row.d, zero);
+        normal += plus + minus;
+        side[j - 1] = mu * mu * (plus + minus);
+        cross[j - 1] = mu * (plus - minus);
+    }
+    Stiffness::Arrow(normal, side, cross)
+}
+
+#[inline(always)]
+fn ellipse_stiffness<L: Lane>(row: &ContactRow<L>, y: &[L]) -> [[L; 6]; 6] {
+    let zero = L::zero();
+    let zone = Zone::new(row, y);
+    let middle = zone.middle_stiffness(row);
+    let ratio = row.mu * zone.n * zone.t_inverse;
+    let diagonal = row.mu.mul_add(row.mu, -ratio);
+    let mut k = [[zero; 6]; 6];
+    let pick = |bottom: L, between: L| L::select(zone.bottom, bottom, L::select(zone.top, zero, between));
+    k[0][0] = pick(zone.kappa, middle) * row.mu * row.mu;
+    for i in 1..y.len() {
+        let (mu_i, t_i) = (row.friction[i - 1], zone.u[i] * zone.t_inverse);
+        k[i][0] = pick(zero, -(middle * row.mu * t_i)) * row.mu * mu_i;
+        for j in 1..=i {
+            let (mu_j, t_j) = (row.friction[j - 1], zone.u[j] * zone.t_inverse);
+            let (identity, kappa) = if i == j { (diagonal, zone.kappa) } else { (zero, zero) };
+            k[i][j] = pick(kappa, middle * (ratio * t_i).mul_add(t_j, identity)) * mu_i * mu_j;
+        }
+    }
+    k
+}
+
+/// Twice the cost.
+#[inline(always)]
+pub fn twice_cost<L: Lane>(row: &ContactRow<L>, y: &[L]) -> L {
+    let zero = L::zero();
+    match row.cone {
+        Cone::Ray => {
+            let e = y[0].min(zero);
+            row.d * e * e
+        }
+        Cone::Pyramid => {
+            let mut squares = zero;
+            for j in 1..y.len() {
+                let mu = row.friction[j - 1];
+                let plus = mu.mul_add(y[j], y[0]).min(zero);
+                let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
+                squares = minus.mul_add(minus, plus.mul_add(plus, squares));
+            }
+            row.d * squares
+        }
+        Cone::Ellipse => {
+            let zone = Zone::new(row, y);
+            let gap = zone.gap();
+            let bottom = zone.kappa * zone.t.mul_add(zone.t, zone.n * zone.n);
+            let middle = zone.middle_stiffness(row) * gap * gap;
+            L::select(zone.bottom, bottom, L::select(zone.top, zero, middle))
+        }
+    }
+}
+
+/// Where the components of an elliptic contact lie.
+struct Zone<L: Lane> {
+    u: [L; 6],
+    n: L,
+    t: L,
+    /// 1/T; 1 where T is tiny.
+    t_inverse: L,
+    mu: L,
+    kappa: L,
+    top: L::Mask,
+    bottom: L::Mask,
+}
+
+impl<L: Lane> Zone<L> {
+    #[inline(always)]
+    fn new(row: &ContactRow<L>, y: &[L]) -> Self {
+        let mut u = [L::zero(); 6];
+        u[0] = row.mu * y[0];
+        let mut squares = L::zero();
+        for j in 1..y.len() {
+            u[j] = row.friction[j - 1] * y[j];
+            squares = u[j].mul_add(u[j], squares);
+        }
+        let (n, t) = (u[0], squares.sqrt());
+        let tiny = t.lt(L::of(L::Real::MINVAL));
+        let t_inverse = L::one() / L::select(tiny, L::one(), t);
+        let (top, bottom) = (n.ge(row.mu * t), row.mu.mul_add(n, t).le(L::zero()));
+        Zone { u, n, t, t_inverse, mu: row.mu, kappa: row.d / (row.mu * row.mu), top, bottom }
+    }
+
+    /// N - μ̂ T, negative between the zones.
+    #[inline(always)]
+    fn gap(&self) -> L {
+        self.mu.neg_mul_add(self.t, self.n)
+    }
+
+    /// κ/(1 + μ̂²)
+    #[inline(always)]
+    fn middle_stiffness(&self, row: &ContactRow<L>) -> L {
+        self.kappa / row.mu.mul_add(row.mu, L::one())
+    }
+}

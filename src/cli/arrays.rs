@@ -1,0 +1,143 @@
+//! Arrays that the user gives: every name, shape and number is checked before anything runs.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use lanesim::npz::{self, Array};
+
+use super::failure::Failure;
+
+/// One dimension of an expected shape, such as `nworld=4`.
+#[derive(Clone, Copy)]
+pub struct Dim(pub &'static str, pub usize);
+
+/// The arrays of a file, taken out one by one.
+pub struct Inputs {
+    path: PathBuf,
+    arrays: BTreeMap<String, Array>,
+}
+
+impl Inputs {
+    /// All arrays of an archive.
+    pub fn read(path: &Path) -> Result<Inputs, Failure> {
+        let arrays = npz::read(path).map_err(|e| Failure::file(path, e))?;
+        Ok(Inputs { path: path.to_owned(), arrays })
+    }
+
+    /// Passes over an array.
+    pub fn drop(&mut self, name: &str) {
+        self.arrays.remove(name);
+    }
+
+    /// Name and shape of the first array.
+    pub fn first(&self) -> Option<(&str, &[usize])> {
+        self.arrays.first_key_value().map(|(name, array)| (name.as_str(), array.shape()))
+    }
+
+    /// Takes an array that must have this shape and hold finite numbers; `None` if the file does not have it.
+    pub fn take(&mut self, name: &str, expected: &[Dim]) -> Result<Option<Array>, Failure> {
+        let Some(array) = self.arrays.remove(name) else { return Ok(None) };
+        let shape: Vec<usize> = expected.iter().map(|d| d.1).collect();
+        if array.shape() != shape {
+            return Err(self.wrong_shape(name, array.shape(), expected));
+        }
+        let values = array.to_f64();
+        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+            let place = index(i, &shape);
+            let value = values[i];
+            return Err(self.error(name, &format!("holds {value} at {place:?}; every number must be finite")));
+        }
+        drop(values);
+        Ok(Some(array))
+    }
+
+    /// A file error about one array.
+    pub fn error(&self, name: &str, message: &str) -> Failure {
+        Failure::file(&self.path, format!("array `{name}` {message}"))
+    }
+
+    fn wrong_shape(&self, name: &str, shape: &[usize], expected: &[Dim]) -> Failure {
+        let dims: Vec<String> =
+            expected.iter().map(|Dim(n, d)| if n.is_empty() { d.to_string() } else { format!("{n}={d}") }).collect();
+        let last = |s: &[usize]| s.last().copied();
+        let other = shape.len() == expected.len() && last(shape) != expected.last().map(|d| d.1);
+        let hint = if other { "; was it made for another model?" } else { "" };
+        self.error(name, &format!("has shape {shape:?}; expected [{}]{hint}", dims.join(", ")))
+    }
+
+    /// An error if arrays are left that nothing asked for: a misspelt name must not pass silently.
+    pub fn finish(self, known: &[&str]) -> Result<(), Failure> {
+        match self.arrays.keys().next() {
+            Some(name) => Err(self.error(name, &format!("is not known here; known are {}", known.join(", ")))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The multi-index of entry `i` of an array in C order.
+fn index(i: usize, shape: &[usize]) -> Vec<usize> {
+    let mut rest = i;
+    let mut out: Vec<usize> = shape
+        .iter()
+        .rev()
+        .map(|&n| {
+            let k = rest % n;
+            rest /= n;
+            k
+        })
+        .collect();
+    out.reverse();
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn inputs(name: &str, shape: &[usize], values: Vec<f64>) -> Inputs {
+        let array = Array::new(shape.to_vec(), npz::Data::F64(values)).unwrap();
+        Inputs { path: "u.npz".into(), arrays: BTreeMap::from([(name.to_owned(), array)]) }
+    }
+
+    fn message(result: Result<impl Sized, Failure>) -> String {
+        match result {
+            Err(Failure::Input(m)) => m,
+            _ => "no input failure".into(),
+        }
+    }
+
+    #[test]
+    fn shapes_are_checked() {
+        let expected = [Dim("nworld", 4), Dim("nstep", 100), Dim("nu", 2)];
+        let mut given = inputs("ctrl", &[3, 2, 2], vec![0.0; 12]);
+        assert_eq!(
+            message(given.take("ctrl", &expected)),
+            "u.npz: array `ctrl` has shape [3, 2, 2]; expected [nworld=4, nstep=100, nu=2]"
+        );
+        let mut given = inputs("qpos", &[4, 3], vec![0.0; 12]);
+        let text = message(given.take("qpos", &[Dim("nworld", 4), Dim("nq", 7)]));
+        assert_eq!(
+            text,
+            "u.npz: array `qpos` has shape [4, 3]; expected [nworld=4, nq=7]; was it made for another model?"
+        );
+    }
+
+    #[test]
+    fn numbers_are_checked() {
+        let mut values = vec![0.0; 24];
+        values[23 - 1] = f64::NAN;
+        let mut given = inputs("ctrl", &[2, 3, 4], values);
+        let text = message(given.take("ctrl", &[Dim("nworld", 2), Dim("nstep", 3), Dim("nu", 4)]));
+        assert_eq!(text, "u.npz: array `ctrl` holds NaN at [1, 2, 2]; every number must be finite");
+    }
+
+    #[test]
+    fn unknown_names_are_errors_and_absent_ones_are_not() {
+        let mut given = inputs("qpso", &[1], vec![0.0]);
+        assert!(matches!(given.take("qpos", &[Dim("nq", 1)]), Ok(None)));
+        assert_eq!(
+            message(given.finish(&["qpos", "qvel"])),
+            "u.npz: array `qpso` is not known here; known are qpos, qvel"
+        );
+    }
+}

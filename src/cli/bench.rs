@@ -1,0 +1,156 @@
+//! `lanesim bench`: speed, and the error that comes with it.
+
+use clap::Args;
+use lanesim::Model;
+use serde_json::{Map, Value, json};
+
+use super::engine::{self, Loaded};
+use super::failure::Failure;
+use super::measure::{Measurement, Plan};
+use super::output::{self, Progress};
+use super::{ModelArgs, RunArgs, count};
+
+const ABOUT: &str = "\
+Worlds start from 32 states that were warmed up under uniform control noise for 2 s (at least 500 steps), copied over all
+worlds with a little noise on the velocity; controls are redrawn at every step. The step error is the relative difference
+of the next velocity from the scalar f64 path solved to 1e-12, over 256 states of the run.
+
+Examples:
+  lanesim bench models/zoo/humanoid18.xml --worlds 4096 --steps 100
+  lanesim bench models/zoo/ant.xml --worlds 4096 --steps 100 --precision f32 --threads 1 --json";
+
+/// Arguments of `bench`.
+#[derive(Args)]
+#[command(after_help = ABOUT)]
+pub struct Bench {
+    #[command(flatten)]
+    model: ModelArgs,
+    #[command(flatten)]
+    run: RunArgs,
+    /// Number of worlds
+    #[arg(long, value_name = "N", default_value = "4096", value_parser = count)]
+    worlds: usize,
+    /// Steps of each world
+    #[arg(long, value_name = "T", default_value = "100", value_parser = count)]
+    steps: usize,
+    /// Seed of start states and control noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl Bench {
+    /// Measures and prints.
+    pub fn run(self) -> Result<(), Failure> {
+        let Loaded { model, seconds } = engine::load(&self.model)?;
+        output::notes("left out", &model.report().losses);
+        let accurate = engine::load_with(&self.model, &[("tolerance", "1e-12"), ("iterations", "200")])?.model;
+        self.run.check_memory(&model, self.worlds)?;
+        let plan = Plan {
+            model: &model,
+            accurate: &accurate,
+            options: self.run.options(),
+            nworld: self.worlds,
+            nstep: self.steps,
+            seed: self.seed,
+        };
+        let progress = Progress::new("bench", plan.total(), self.json);
+        let measured = plan.measure(progress.counter());
+        progress.finish();
+        let record = self.record(&model, &measured?, seconds);
+        if self.json { output::json(&Value::Object(record)) } else { print(&record) }
+    }
+
+    /// The figures by name.
+    fn record(&self, model: &Model, m: &Measurement, load_seconds: f64) -> Map<String, Value> {
+        let s = &m.statistics;
+        let per = |sum: f64, count: f64| if count > 0.0 { sum / count } else { 0.0 };
+        let stages: Map<String, Value> = m.stage_seconds.iter().map(|(name, t)| ((*name).into(), json!(t))).collect();
+        let record = json!({
+            "model": model.name(),
+            "nworld": self.worlds,
+            "nstep": self.steps,
+            "threads": m.threads,
+            "precision": format!("{:?}", self.run.options().precision).to_lowercase(),
+            "backend": self.run.backend_name(),
+            "isa": engine::isa(),
+            "lanes": m.lanes.0,
+            "lane_type": m.lanes.1,
+            "seed": self.seed,
+            "load_seconds": load_seconds,
+            "seconds": m.seconds,
+            "steps_per_second": self.worlds as f64 * self.steps as f64 / m.seconds,
+            "lost": m.lost,
+            "ncon_mean": per(s.contacts, s.world_steps),
+            "nefc_mean": per(s.rows, s.world_steps),
+            "solver_niter_mean": per(s.iterations, s.world_steps),
+            "solver_niter_block_max_mean": per(s.block_iterations, s.block_steps),
+            "slot_occupancy": per(s.contacts, s.slots),
+            "state_hash": format!("{:016x}", m.hash),
+            "step_error_median": m.errors.get(m.errors.len() / 2),
+            "step_error_max": m.errors.last(),
+            "step_error_states": m.errors.len(),
+            "stage_seconds": stages,
+        });
+        match record {
+            Value::Object(map) => map,
+            _ => Map::new(),
+        }
+    }
+}
+
+/// The record for people.
+fn print(record: &Map<String, Value>) -> Result<(), Failure> {
+    let text = |name: &str| match record.get(name) {
+        Some(Value::String(s)) => s.clone(),
+        Some(v) => v.to_string(),
+        None => String::new(),
+    };
+    let number = |name: &str| record.get(name).and_then(Value::as_f64).unwrap_or(f64::NAN);
+    let mut rows = vec![
+        ("model", text("model")),
+        ("worlds x steps", format!("{} x {}", text("nworld"), text("nstep"))),
+        (
+            "how",
+            format!(
+                "{}, {} ({} worlds per block), {}, threads: {}",
+                text("precision"),
+                text("backend"),
+                text("lanes"),
+                text("isa"),
+                text("threads")
+            ),
+        ),
+        ("speed", format!("{}steps/s in {:.3} s", output::human(number("steps_per_second")), number("seconds"))),
+        ("lost worlds", text("lost")),
+        ("state hash", text("state_hash")),
+        (
+            "step error",
+            format!(
+                "median {:.2e}, worst {:.2e} of {} states",
+                number("step_error_median"),
+                number("step_error_max"),
+                text("step_error_states")
+            ),
+        ),
+        ("contacts", format!("{:.2} per world, {:.2} rows", number("ncon_mean"), number("nefc_mean"))),
+        ("slot occupancy", format!("{:.2}", number("slot_occupancy"))),
+        (
+            "iterations",
+            format!(
+                "{:.2} mean, {:.2} slowest of a block",
+                number("solver_niter_mean"),
+                number("solver_niter_block_max_mean")
+            ),
+        ),
+    ];
+    let stages = record.get("stage_seconds").and_then(Value::as_object);
+    let total: f64 = stages.into_iter().flatten().filter_map(|(_, t)| t.as_f64()).sum();
+    for (name, seconds) in stages.into_iter().flatten() {
+        let share = seconds.as_f64().unwrap_or(0.0) / total.max(f64::MIN_POSITIVE);
+        rows.push((name, format!("{:5.1} %", 100.0 * share)));
+    }
+    output::table(&rows)
+}

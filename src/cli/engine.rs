@@ -1,0 +1,117 @@
+//! From arguments to the library's types.
+
+use std::time::Instant;
+
+use lanesim::mjcf::{self, LoadOptions};
+use lanesim::npz::{Array, Data};
+use lanesim::outputs::Output;
+use lanesim::{Field, Model, Options, Worlds};
+
+use super::failure::Failure;
+use super::{Backend, ModelArgs, Precision, RunArgs, memory};
+
+/// A model, and how long it took from file to tables.
+pub struct Loaded {
+    /// The model.
+    pub model: Model,
+    /// Wall time of reading and compiling.
+    pub seconds: f64,
+}
+
+/// Reads and compiles the model.
+pub fn load(args: &ModelArgs) -> Result<Loaded, Failure> {
+    load_with(args, &[])
+}
+
+/// Reads and compiles the model with further options.
+pub fn load_with(args: &ModelArgs, more: &[(&str, &str)]) -> Result<Loaded, Failure> {
+    let start = Instant::now();
+    let more = more.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+    let overrides = args.options.iter().cloned().chain(more).collect();
+    let spec = mjcf::load(&args.model, &LoadOptions { lenient: args.lenient, overrides })?;
+    let model = Model::from_spec(&spec)?;
+    Ok(Loaded { model, seconds: start.elapsed().as_secs_f64() })
+}
+
+/// The number of elements of a kind, by MuJoCo's name.
+pub fn size(model: &Model, name: &str) -> usize {
+    model.sizes().iter().find(|(n, _)| *n == name).map_or(0, |(_, count)| *count)
+}
+
+impl RunArgs {
+    /// A batch as the arguments want it.
+    pub fn worlds(&self, model: &Model, nworld: usize) -> Result<Worlds, Failure> {
+        self.check_memory(model, nworld)?;
+        Ok(Worlds::new(model, nworld, &self.options())?)
+    }
+
+    /// An error if so many worlds cannot fit.
+    pub fn check_memory(&self, model: &Model, nworld: usize) -> Result<(), Failure> {
+        let forces = [Field::QfrcApplied, Field::XfrcApplied];
+        let kept = Field::ALL.iter().filter(|(field, _)| !forces.contains(field));
+        let state: usize = kept.map(|(field, _)| field.len(model)).sum();
+        memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64])
+    }
+
+    /// The library's options.
+    pub fn options(&self) -> Options {
+        Options {
+            precision: match self.precision {
+                Precision::F32 => lanesim::Precision::F32,
+                Precision::F64 => lanesim::Precision::F64,
+            },
+            backend: match self.backend {
+                Backend::Auto => lanesim::Backend::Auto,
+                Backend::Wide => lanesim::Backend::Wide,
+                Backend::Scalar => lanesim::Backend::Scalar,
+            },
+            threads: self.threads.map(|n| n as usize),
+            ..Options::default()
+        }
+    }
+
+    /// The backend that steps the worlds.
+    pub fn backend_name(&self) -> &'static str {
+        match self.backend {
+            Backend::Auto | Backend::Wide => "wide",
+            Backend::Scalar => "scalar",
+        }
+    }
+}
+
+/// Outputs by their names.
+pub fn outputs(names: &[String]) -> Result<Vec<Output>, Failure> {
+    names.iter().map(|name| Output::named(name.trim()).map_err(|e| Failure::Usage(e.to_string()))).collect()
+}
+
+/// An output's values as an array with its name; `leading` are the dimensions before the output's own.
+pub fn named(output: &Output, model: &Model, leading: &[usize], values: Vec<f64>) -> Result<(String, Array), Failure> {
+    let shape = [leading, &output.shape(model).1].concat();
+    let data = match output.is_integer() {
+        true => Data::I32(values.into_iter().map(|x| x as i32).collect()),
+        false => Data::F64(values),
+    };
+    let array = Array::new(shape, data).ok_or_else(|| {
+        Failure::Input(format!("output {} does not have the size that it says; please report this", output.name()))
+    })?;
+    Ok((output.name().to_owned(), array))
+}
+
+/// Sets a field of every world from an array with one row per world.
+pub fn set_all(worlds: &mut Worlds, field: Field, values: &[f64]) -> Result<(), Failure> {
+    let width = values.len() / worlds.nworld();
+    Ok((0..worlds.nworld()).try_for_each(|w| worlds.set(field, w, &values[w * width..][..width]))?)
+}
+
+/// The instruction set that this build's lanes use.
+pub const fn isa() -> &'static str {
+    if cfg!(target_feature = "avx512f") {
+        "avx512"
+    } else if cfg!(all(target_feature = "avx2", target_feature = "fma")) {
+        "avx2+fma"
+    } else if cfg!(target_arch = "aarch64") {
+        "neon"
+    } else {
+        "baseline"
+    }
+}

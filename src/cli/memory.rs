@@ -1,0 +1,51 @@
+//! A request that cannot fit is refused in words; allocating it would end the process without any.
+
+use super::failure::Failure;
+
+/// An error if `what` needs more bytes, the product of `factors`, than the machine has to give.
+pub fn check(what: &str, factors: &[usize]) -> Result<(), Failure> {
+    let bytes = factors.iter().try_fold(1u64, |product, &f| product.checked_mul(f as u64));
+    let available = available();
+    match bytes {
+        Some(bytes) if bytes <= available => Ok(()),
+        _ => {
+            let need = bytes.map_or("too much".to_owned(), |b| format!("{:.1} GB of", b as f64 / 1e9));
+            let have = available as f64 / 1e9;
+            Err(Failure::Input(format!(
+                "{what} would take {need} memory, {have:.1} GB are available; ask for fewer worlds, steps or outputs"
+            )))
+        }
+    }
+}
+
+/// Bytes of memory that can be had without swapping, as Linux estimates them; elsewhere as many as can be addressed.
+fn available() -> u64 {
+    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    parse(&text).unwrap_or(isize::MAX as u64)
+}
+
+fn parse(meminfo: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kilobytes.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requests_are_weighed() {
+        assert!(check("a page", &[4096]).is_ok());
+        assert!(check("nothing", &[1 << 40, 0, 1 << 40]).is_ok());
+        for factors in [&[1 << 31, 1 << 30][..], &[1 << 31, 1 << 31, 1 << 31]] {
+            assert!(check("too much", factors).is_err());
+        }
+    }
+
+    #[test]
+    fn meminfo() {
+        assert_eq!(parse("MemTotal: 9 kB\nMemAvailable:   123 kB\n"), Some(123 * 1024));
+        assert_eq!(parse("MemTotal: 9 kB\n"), None);
+    }
+}

@@ -1,0 +1,155 @@
+//! The command line: what can be asked, and where it is answered.
+//!
+//! Every command reads its model and its arrays completely, and checks them, before anything runs. Results go to standard
+//! output, everything else to standard error.
+
+mod arrays;
+mod bench;
+mod check;
+mod engine;
+mod eval;
+mod failure;
+mod info;
+mod measure;
+mod memory;
+mod output;
+mod rollout;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+
+const EXAMPLES: &str = "\
+Examples:
+  lanesim check models/zoo/ant.xml --steps 1000
+  lanesim info models/zoo/ant.xml --json
+  lanesim rollout models/zoo/ant.xml --worlds 256 --steps 500 --noise --outputs qpos,qvel -o ant.npz
+  lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --fields qM,qacc
+  lanesim bench models/zoo/humanoid18.xml --worlds 4096 --steps 100 --precision f32
+
+Exit status: 0 success, 1 the model or an input was rejected, 2 the command line is wrong.";
+
+/// Simulate thousands of copies of one MuJoCo model side by side.
+#[derive(Parser)]
+#[command(name = "lanesim", version, propagate_version = true, max_term_width = 100, after_help = EXAMPLES)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Print a model's sizes, options and memory per world
+    Info(info::Info),
+    /// Compile a model, step it, and report what it flags
+    Check(check::Check),
+    /// Step many worlds and write their trajectories
+    Rollout(rollout::Rollout),
+    /// Measure speed, and the error that comes with it
+    Bench(bench::Bench),
+    /// Compute named quantities at given states
+    Eval(eval::Eval),
+}
+
+/// Which model, and how it is read.
+#[derive(Args)]
+struct ModelArgs {
+    /// Model in MuJoCo's XML format (MJCF)
+    #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
+    model: PathBuf,
+    /// Leave out unsupported elements that can be left out, and list them
+    #[arg(long)]
+    lenient: bool,
+    /// Override an attribute of MJCF's `option`, such as timestep=0.005 or integrator=Euler; repeatable
+    #[arg(long = "option", value_name = "NAME=VALUE", value_parser = name_value)]
+    options: Vec<(String, String)>,
+}
+
+/// How worlds are stepped.
+#[derive(Args)]
+struct RunArgs {
+    /// Number type of the simulation: f64 agrees with MuJoCo to about 1e-10, f32 is faster
+    #[arg(long, value_enum, default_value_t = Precision::F64)]
+    precision: Precision,
+    /// Code that steps the worlds
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    backend: Backend,
+    /// Worker threads [default: all that this process may use]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    threads: Option<u32>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Precision {
+    F32,
+    F64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Backend {
+    /// The fastest that this build has
+    Auto,
+    /// SIMD lanes: 8 worlds (f64) or 16 (f32) at a time
+    Wide,
+    /// One world at a time: the reference, same bits
+    Scalar,
+}
+
+/// Most worlds and most steps of one call: beyond any memory or patience, but small enough for exact arithmetic.
+const COUNT_MAX: i64 = 1 << 31;
+
+fn count(text: &str) -> Result<usize, String> {
+    let n: i64 = text.parse().map_err(|e| format!("{e}"))?;
+    if (1..=COUNT_MAX).contains(&n) { Ok(n as usize) } else { Err(format!("must be from 1 to {COUNT_MAX}")) }
+}
+
+fn name_value(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
+        _ => Err("expected NAME=VALUE, for example timestep=0.005".into()),
+    }
+}
+
+/// Runs a command; the exit status is documented in the help.
+pub fn run(cli: Cli) -> ExitCode {
+    let result = match cli.command {
+        Command::Info(c) => c.run(),
+        Command::Check(c) => c.run(),
+        Command::Rollout(c) => c.run(),
+        Command::Bench(c) => c.run(),
+        Command::Eval(c) => c.run(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn options_are_names_with_values() {
+        assert_eq!(name_value("timestep=0.1"), Ok(("timestep".into(), "0.1".into())));
+        assert_eq!(name_value(" gravity = 0 0 -1 "), Ok(("gravity".into(), "0 0 -1".into())));
+        assert!(name_value("timestep").is_err());
+        assert!(name_value("=3").is_err());
+    }
+
+    #[test]
+    fn counts_have_bounds() {
+        assert_eq!(count("1"), Ok(1));
+        for bad in ["0", "-1", "1e3", "99999999999", "99999999999999999999"] {
+            assert!(count(bad).is_err(), "{bad}");
+        }
+    }
+}

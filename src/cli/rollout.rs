@@ -1,0 +1,151 @@
+//! `lanesim rollout`: many worlds, many steps, trajectories to a file.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::{Args, ValueHint};
+use lanesim::npz;
+use lanesim::{Controls, Field, Model, Worlds};
+use serde_json::json;
+
+use super::arrays::{Dim, Inputs};
+use super::engine::{self, Loaded, set_all, size};
+use super::failure::Failure;
+use super::output::{self, Progress};
+use super::{ModelArgs, RunArgs, count, memory};
+
+const EXAMPLES: &str = "\
+Examples:
+  lanesim rollout ant.xml --worlds 256 --steps 500 --noise --seed 3 -o ant.npz
+  lanesim rollout ant.xml --worlds 256 --steps 500 --controls u.npz --states s.npz --outputs qpos,qvel -o ant.npz
+
+u.npz holds `ctrl` [nworld, nstep, nu]; s.npz holds `qpos` [nworld, nq] and, if wanted, `qvel` [nworld, nv].";
+
+/// Arguments of `rollout`.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Rollout {
+    #[command(flatten)]
+    model: ModelArgs,
+    #[command(flatten)]
+    run: RunArgs,
+    /// Number of worlds
+    #[arg(long, value_name = "N", value_parser = count)]
+    worlds: usize,
+    /// Steps of each world
+    #[arg(long, value_name = "T", value_parser = count)]
+    steps: usize,
+    /// File with controls: array `ctrl` [nworld, nstep, nu]; without it they stay zero, or the keyframe's
+    #[arg(long, value_name = "U.npz", value_hint = ValueHint::FilePath)]
+    controls: Option<PathBuf>,
+    /// Redraw every control uniformly in its range at every step
+    #[arg(long, conflicts_with = "controls")]
+    noise: bool,
+    /// Seed of the noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// File with start states: `qpos` [nworld, nq], `qvel` [nworld, nv], `time` [nworld]; each may be missing
+    #[arg(long, value_name = "S.npz", value_hint = ValueHint::FilePath)]
+    states: Option<PathBuf>,
+    /// Keyframe from which worlds start where the states do not say otherwise
+    #[arg(long, value_name = "INDEX")]
+    keyframe: Option<usize>,
+    /// Quantities to write after every step, by MuJoCo's names
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "qpos,qvel")]
+    outputs: Vec<String>,
+    /// File to write: one array [nworld, nstep, ...] per output
+    #[arg(short, long, value_name = "OUT.npz", value_hint = ValueHint::FilePath)]
+    output: PathBuf,
+    /// Print a summary as one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl Rollout {
+    /// Checks everything, then runs, then writes.
+    pub fn run(self) -> Result<(), Failure> {
+        let Loaded { model, .. } = engine::load(&self.model)?;
+        output::notes("left out", &model.report().losses);
+        let outputs = engine::outputs(&self.outputs)?;
+        let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
+        memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()])?;
+        let controls = self.controls(&model)?;
+        let mut worlds = self.run.worlds(&model, self.worlds)?;
+        self.start(&model, &mut worlds)?;
+        let progress = Progress::new("rollout", self.worlds as u64 * self.steps as u64, self.json);
+        let start = Instant::now();
+        let result = worlds.rollout(&lanesim::Rollout {
+            nstep: self.steps,
+            controls: match &controls {
+                Some(u) => Controls::Given(u),
+                None if self.noise => Controls::Noise { seed: self.seed },
+                None => Controls::Keep,
+            },
+            outputs: &outputs,
+            progress: Some(progress.counter()),
+            ..lanesim::Rollout::default()
+        })?;
+        let seconds = start.elapsed().as_secs_f64();
+        progress.finish();
+        let mut arrays = Vec::new();
+        for (output, values) in outputs.iter().zip(result.outputs) {
+            arrays.push(engine::named(output, &model, &[self.worlds, self.steps], values)?);
+        }
+        npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))?;
+        self.summary(&model, &mut worlds, seconds)
+    }
+
+    fn controls(&self, model: &Model) -> Result<Option<Vec<f64>>, Failure> {
+        let Some(path) = &self.controls else { return Ok(None) };
+        let mut inputs = Inputs::read(path)?;
+        let shape = [Dim("nworld", self.worlds), Dim("nstep", self.steps), Dim("nu", size(model, "nu"))];
+        let Some(controls) = inputs.take("ctrl", &shape)? else {
+            return Err(Failure::file(path, "has no array `ctrl` [nworld, nstep, nu]"));
+        };
+        inputs.finish(&["ctrl"])?;
+        Ok(Some(controls.to_f64().into_owned()))
+    }
+
+    /// Puts the worlds where they start.
+    fn start(&self, model: &Model, worlds: &mut Worlds) -> Result<(), Failure> {
+        if let Some(key) = self.keyframe {
+            if key >= model.keys().len() {
+                let n = model.keys().len();
+                return Err(Failure::Usage(format!("--keyframe {key}: the model has {n} keyframes, counted from 0")));
+            }
+            (0..self.worlds).try_for_each(|world| worlds.reset(world, Some(key)))?;
+        }
+        let Some(path) = &self.states else { return Ok(()) };
+        let mut inputs = Inputs::read(path)?;
+        for (field, width) in [
+            (Field::Time, None),
+            (Field::Qpos, Some(Dim("nq", size(model, "nq")))),
+            (Field::Qvel, Some(Dim("nv", size(model, "nv")))),
+        ] {
+            let shape: Vec<Dim> = std::iter::once(Dim("nworld", self.worlds)).chain(width).collect();
+            if let Some(values) = inputs.take(field.name(), &shape)? {
+                set_all(worlds, field, &values.to_f64())?;
+            }
+        }
+        inputs.finish(&["time", "qpos", "qvel"])
+    }
+
+    fn summary(&self, model: &Model, worlds: &mut Worlds, seconds: f64) -> Result<(), Failure> {
+        let (lost, hash) = (worlds.lost(), format!("{:016x}", worlds.state_hash()));
+        let rate = self.worlds as f64 * self.steps as f64 / seconds;
+        if self.json {
+            return output::json(&json!({
+                "model": model.name(), "nworld": self.worlds, "nstep": self.steps, "seconds": seconds,
+                "steps_per_second": rate, "lost": lost, "state_hash": hash, "output": self.output,
+            }));
+        }
+        output::table(&[
+            ("model", model.name().to_owned()),
+            ("worlds x steps", format!("{} x {}", self.worlds, self.steps)),
+            ("speed", format!("{}steps/s", output::human(rate))),
+            ("lost worlds", lost.to_string()),
+            ("state hash", hash),
+            ("written", self.output.display().to_string()),
+        ])
+    }
+}
