@@ -7,10 +7,9 @@ mod support;
 
 use std::collections::BTreeMap;
 
-use lanesim::eval::eval;
 use lanesim::model::ArrayData;
 use lanesim::{Backend, Options, Precision};
-use support::golden::{Failures, Golden, NOT_BUILT};
+use support::golden::{Failures, Golden};
 use support::{agree, all_models, options, repository};
 
 /// How far results may be from MuJoCo's, relative to the field's size.
@@ -56,11 +55,11 @@ const F32: Tolerances = Tolerances {
 
 /// Compares fields with a fixed shape, in every state of every model. Fields come with tolerance and floor.
 #[track_caller]
-fn check_fields(goldens: Vec<Golden>, options: &Options, fields: &[(&str, f64, f64)]) {
+fn check_fields(options: &Options, fields: &[(&str, f64, f64)]) {
     const CONSTRAINED: [&str; 2] = ["qacc", "qfrc_constraint"];
     let names: Vec<&str> = fields.iter().map(|field| field.0).collect();
     let mut failures = Failures::default();
-    for golden in goldens {
+    for golden in Golden::all() {
         let ours = golden.eval(&names, 0, options);
         for (name, tolerance, floor) in fields {
             let expected = golden.rows(&golden.array(&format!("out/{name}")));
@@ -89,7 +88,7 @@ fn same_sign(got: &[f64], expected: &[f64]) -> Vec<f64> {
 fn kinematics(options: &Options, tolerances: &Tolerances) {
     let t = tolerances.kinematics;
     let fields = "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length";
-    check_fields(Golden::smooth(), options, &fields.split(' ').map(|name| (name, t, 1.0)).collect::<Vec<_>>());
+    check_fields(options, &fields.split(' ').map(|name| (name, t, 1.0)).collect::<Vec<_>>());
 }
 
 fn dynamics(options: &Options, tolerances: &Tolerances) {
@@ -98,7 +97,7 @@ fn dynamics(options: &Options, tolerances: &Tolerances) {
     let mut fields: Vec<_> = forces.split(' ').map(|name| (name, t, 1.0)).collect();
     fields.push(("qM", t, 1e-3));
     fields.push(("qacc_smooth", tolerances.qacc_smooth, 1.0));
-    check_fields(Golden::smooth(), options, &fields);
+    check_fields(options, &fields);
 }
 
 /// For each of MuJoCo's contacts, the one of ours between the same geoms that is nearest and not yet taken.
@@ -145,7 +144,7 @@ const ROW_FIELDS: [&str; 9] =
 /// Calls `f` for every state with its contacts and rows; states whose contacts do not match are failures.
 fn each_state(options: &Options, failures: &mut Failures, mut f: impl FnMut(&Golden, usize, &Contacts, &mut Failures)) {
     let names: Vec<&str> = CONTACT_FIELDS.into_iter().chain(ROW_FIELDS).collect();
-    for golden in Golden::built() {
+    for golden in Golden::all() {
         let ours = golden.eval(&names, 0, options);
         for state in (0..golden.states()).filter(|state| !golden.other_contacts(*state, options)) {
             let mine = names.iter().map(|name| (name.to_string(), ours[*name][state].clone())).collect();
@@ -243,7 +242,7 @@ fn rows(options: &Options, tolerances: &Tolerances) {
 
 fn solution(options: &Options, tolerances: &Tolerances) {
     let t = tolerances.solution;
-    check_fields(Golden::built(), options, &[("qacc", t, 1.0), ("qfrc_constraint", t, 1.0)]);
+    check_fields(options, &[("qacc", t, 1.0), ("qfrc_constraint", t, 1.0)]);
     check_rows(options, &[("efc_force", t, 1.0)]);
 }
 
@@ -251,7 +250,7 @@ fn solution(options: &Options, tolerances: &Tolerances) {
 /// smooth one: at rest these cancel and leave nothing.
 fn acceleration_errors(options: &Options) -> Vec<f64> {
     let mut errors = Vec::new();
-    for golden in Golden::built() {
+    for golden in Golden::all() {
         let ours = golden.eval(&["qacc"], 0, options);
         let expected = golden.rows(&golden.array("out/qacc"));
         let smooth = golden.rows(&golden.array("out/qacc_smooth"));
@@ -294,7 +293,7 @@ fn accelerations_meet_the_goal() {
 
 fn step(options: &Options, tolerances: &Tolerances) {
     let mut failures = Failures::default();
-    for golden in Golden::built() {
+    for golden in Golden::all() {
         let ours = golden.eval(&["qpos", "qvel"], 1, options);
         for name in ["qpos", "qvel"] {
             let expected = golden.rows(&golden.array(&format!("next/{name}")));
@@ -392,17 +391,6 @@ fn model_arrays() {
         }
     }
     failures.report();
-}
-
-#[test]
-fn what_is_not_built_yet_says_so() {
-    for (name, message) in NOT_BUILT {
-        let golden = Golden::read(name);
-        let Err(error) = eval(&golden.model, &golden.inputs(), &["qacc"], 0, &Options::default()) else {
-            panic!("{name} is built now: take it off the list");
-        };
-        assert!(error.to_string().contains(message), "{name}: {error}\nexpected: {message}");
-    }
 }
 
 #[test]

@@ -8,16 +8,6 @@ use lanesim::{Model, Options, Precision};
 
 use super::{all_models, load_with, repository};
 
-/// Models that compile and are evaluated only when more is built, with what the error must say.
-pub const NOT_BUILT: [(&str, &str); 6] = [
-    ("unit/actuator_ball_free", "contacts between Capsule and Box are not built yet"),
-    ("unit/condim_elliptic", "elliptic cones are not built yet"),
-    ("unit/free", "contacts between Capsule and Box are not built yet"),
-    ("unit/fusestatic", "contacts between Capsule and Box are not built yet"),
-    ("unit/orientations", "contacts between Box and Box are not built yet"),
-    ("unit/springs", "contacts between Capsule and Box are not built yet"),
-];
-
 /// In single precision: states in which contacts are not MuJoCo's, and why.
 const F32_OTHER_CONTACTS: [(&str, usize); 1] = [
     // Axes 5e-4 rad apart: the determinant that tells crossing from parallel segments drowns in rounding below 1e-3.
@@ -53,25 +43,6 @@ impl Golden {
     /// Every model of the repository.
     pub fn all() -> Vec<Golden> {
         all_models().iter().map(|name| Golden::read(name)).collect()
-    }
-
-    /// Whether it can be evaluated as it is.
-    pub fn is_built(&self) -> bool {
-        NOT_BUILT.iter().all(|(name, _)| *name != self.name)
-    }
-
-    /// Those that can be evaluated.
-    pub fn built() -> Vec<Golden> {
-        Golden::all().into_iter().filter(Golden::is_built).collect()
-    }
-
-    /// All, for what does not depend on contacts: those that cannot be evaluated with them come without.
-    pub fn smooth() -> Vec<Golden> {
-        let mut goldens = Golden::all();
-        for golden in goldens.iter_mut().filter(|golden| !golden.is_built()) {
-            golden.model = load_with(&golden.name, &[("contact", "disable")]);
-        }
-        goldens
     }
 
     /// An array; empty ones are not recorded.
