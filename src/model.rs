@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{self as kernel, Cast};
 
-use lanesim_kernels::options::{Integrator, Solver};
+use lanesim_kernels::options::Integrator;
 
 use crate::diagnostics::Diagnostics;
 use crate::error::Error;
@@ -270,15 +270,7 @@ impl Model {
     /// Whether accelerations can be computed, or what is missing for them.
     pub fn check_forward(&self) -> Result<(), Error> {
         let tables = self.tables();
-        let options = &tables.options;
         let missing = |what: String| Err(Error::Unsupported(what));
-        let constrained = !tables.pairs.is_empty() || !tables.limits.is_empty() || !tables.friction_losses.is_empty();
-        if options.solver != Solver::Newton && constrained {
-            return missing(format!("solver {:?} is not built yet (set option solver=Newton)", options.solver));
-        }
-        if options.noslip_iterations > 0 && constrained {
-            return missing("the noslip pass is not built yet (set option noslip_iterations=0)".into());
-        }
         for pair in &tables.pairs {
             let (a, b) = (&tables.geoms[pair.geom1 as usize], &tables.geoms[pair.geom2 as usize]);
             if !lanesim_kernels::collision::supported(a.shape, b.shape) {

@@ -148,7 +148,7 @@ fn solve<L: LaneQuery>(model: &Model<L::Real>, state: &State<L>, alive: L::Mask,
         acceleration: &ws.acceleration,
         constraint: &ws.constraint,
     };
-    solver::newton(&problem, &state.qacc_warmstart, alive, &mut ws.solver)
+    solver::solve(&problem, &state.qacc_warmstart, alive, &mut ws.solver)
 }
 
 /// Energies of the state for which [`forward`] was called.

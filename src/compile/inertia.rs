@@ -312,6 +312,15 @@ mod tests {
         assert!((mass.tensor() - tensor).to_cols_array().iter().all(|x| x.abs() < 1e-14));
     }
 
+    /// Of the frames along the principal axes, MuJoCo 4.0.0's.
+    #[test]
+    fn principal_axes_are_sorted_by_quarter_turns() {
+        let (inertia, quat) = principal(DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(inertia, DVec3::new(3.0, 2.0, 1.0));
+        let half = 0.5f64.sqrt();
+        assert!((quat - DQuat::from_xyzw(half, 0.0, half, 0.0)).length() < 1e-15, "{quat}");
+    }
+
     /// A sphere and a box, figures of MuJoCo 4.0.0.
     #[test]
     fn two_geoms() {

@@ -1,7 +1,7 @@
 //! The compiler: from a [`Spec`] to a [`Model`]. It alone may refuse a model.
 //!
-//! The order of passes: check every element, number the elements and find masses ([`order`]), join bodies to links
-//! ([`links`]), derive the constants of the reference configuration ([`derived`]), and fill the tables that depend on
+//! The order of passes: check every element, number the elements and find masses (`order`), join bodies to links
+//! (`links`), derive the constants of the reference configuration (`derived`), and fill the tables that depend on
 //! them. Passes after the checks rely on names and sizes being right.
 
 mod actuators;

@@ -157,31 +157,28 @@ fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostic
     mass
 }
 
-/// Merges bodies without joints into their parents, unless they are mocap, named by an exclude, or have moving mass that
+/// Merges bodies without joints into their parents, unless they are mocap, named by an exclude, or have mass and a parent that
 /// differs in gravity compensation.
 fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
     let named: HashSet<&str> = spec.excludes.iter().flat_map(|e| [e.body1.as_str(), e.body2.as_str()]).collect();
     let mut kept: Vec<Draft> = Vec::with_capacity(drafts.len());
-    let mut moving: Vec<bool> = Vec::with_capacity(drafts.len());
     // Where each draft went, and its pose there.
     let mut host: Vec<(usize, Pose)> = Vec::with_capacity(drafts.len());
     for mut draft in drafts {
         if draft.index == 0 {
             host.push((0, Pose::IDENTITY));
             kept.push(draft);
-            moving.push(false);
             continue;
         }
         let (parent, in_parent) = host[draft.parent];
         let pose = in_parent.then(&draft.pose);
         let body = draft.spec;
         let referenced = !body.name.is_empty() && named.contains(body.name.as_str());
-        let lifted = moving[parent] && draft.mass.mass > 0.0 && body.gravcomp != kept[parent].spec.gravcomp;
+        let lifted = parent != 0 && draft.mass.mass > 0.0 && body.gravcomp != kept[parent].spec.gravcomp;
         if !body.joints.is_empty() || body.mocap || referenced || lifted {
             draft.parent = parent;
             draft.pose = pose;
             host.push((kept.len(), Pose::IDENTITY));
-            moving.push(moving[parent] || !body.joints.is_empty());
             kept.push(draft);
             continue;
         }

@@ -71,10 +71,11 @@ impl<T: Refers> References<T> {
         self.items.push(Some(item));
     }
 
-    /// The elements that refer to something that is replicated, by index.
-    pub fn to(&self, replicated: &HashSet<&str>) -> Vec<usize> {
-        let found = replicated.iter().filter_map(|name| self.by_target.get(*name)).flatten();
-        let mut indices: Vec<usize> = found.copied().filter(|&index| self.items[index].is_some()).collect();
+    /// The elements that refer to something that is about to be replicated, by index. Afterwards none will have such a
+    /// name as its target, so these names are forgotten.
+    pub fn to(&mut self, replicated: &HashSet<&str>) -> Vec<usize> {
+        let found = replicated.iter().filter_map(|name| self.by_target.remove(*name)).flatten();
+        let mut indices: Vec<usize> = found.filter(|&index| self.items[index].is_some()).collect();
         indices.sort_unstable();
         indices.dedup();
         indices

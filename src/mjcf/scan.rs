@@ -1,8 +1,9 @@
 //! A first pass over the raw text that bounds what the XML parser will see.
 //!
-//! The parser is quadratic in the attributes of one element, so this pass counts them, and the depth. The parser is also
-//! stricter than MuJoCo's: it rejects `--` in comments and attributes without a blank between them. So this pass blanks
-//! the inside of comments and adds such blanks, keeping every line in its place.
+//! The parser is quadratic in the attributes of one element and in nested namespaces, so this pass counts the former,
+//! rejects the latter, and bounds the depth. The parser is also stricter than MuJoCo's: it rejects `--` in comments and
+//! attributes without a blank between them. So this pass blanks the inside of comments and adds such blanks, keeping every
+//! line in its place.
 
 /// Most bytes of a model, all files together.
 pub(super) const MOST_BYTES: usize = 64 << 20;
@@ -38,6 +39,9 @@ pub(super) fn scan(text: &str) -> Result<String, Fault> {
             let tag = tag(rest);
             if tag.attributes > MOST_ATTRIBUTES {
                 return Err(fault(bytes, at, format!("an element has more than {MOST_ATTRIBUTES} attributes")));
+            }
+            if tag.namespace {
+                return Err(fault(bytes, at, "namespaces (xmlns) are not part of MJCF".into()));
             }
             match tag.kind {
                 Kind::Open => depth += 1,
@@ -109,12 +113,14 @@ enum Kind {
 struct Tag {
     kind: Kind,
     attributes: usize,
+    /// Whether it declares a namespace.
+    namespace: bool,
     length: usize,
 }
 
 /// Measures the tag that `bytes` starts with.
 fn tag(bytes: &[u8]) -> Tag {
-    let mut attributes = 0;
+    let (mut attributes, mut namespace) = (0, false);
     let mut quote = None;
     let mut previous = 0;
     for (i, &b) in bytes.iter().enumerate().skip(1) {
@@ -124,6 +130,7 @@ fn tag(bytes: &[u8]) -> Tag {
             None => match b {
                 b'"' | b'\'' => quote = Some(b),
                 b'=' => attributes += 1,
+                b'x' => namespace |= bytes[i..].starts_with(b"xmlns"),
                 b'>' => {
                     let kind = match bytes.get(1) {
                         Some(b'/') => Kind::Close,
@@ -131,12 +138,12 @@ fn tag(bytes: &[u8]) -> Tag {
                         _ if previous == b'/' => Kind::Other,
                         _ => Kind::Open,
                     };
-                    return Tag { kind, attributes, length: i + 1 };
+                    return Tag { kind, attributes, namespace, length: i + 1 };
                 }
                 _ => {}
             },
         }
         previous = b;
     }
-    Tag { kind: Kind::Other, attributes, length: bytes.len() }
+    Tag { kind: Kind::Other, attributes, namespace, length: bytes.len() }
 }

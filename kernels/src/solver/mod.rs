@@ -4,21 +4,26 @@
 //! Drivers iterate until every world of the block has converged; a world that has is frozen by a mask, so its bits do not
 //! depend on how long its neighbours take.
 
+mod cg;
 mod cone;
+mod dual;
 mod edges;
 mod fill;
 mod hessian;
 mod newton;
+mod noslip;
+mod pgs;
+mod primal;
+mod qcqp;
 mod rows;
-
-pub use newton::newton;
 
 use crate::acceleration::Acceleration;
 use crate::constraint::Constraint;
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::{Lane, LaneQuery};
-use crate::model::{Model, Pattern};
+use crate::lane::{Lane, LaneQuery, Mask};
+use crate::model::{Capacity, Model, NONE, Pattern};
+use crate::options;
 use crate::position::Position;
 
 fields! {
@@ -40,6 +45,12 @@ fields! {
         pub hessian: Vec<L> = sizes.nm,
         /// D⁻¹ of that factor.
         pub inverse: Vec<L> = sizes.nv,
+        /// M⁻¹ times the gradient (conjugate gradients).
+        pub scaled: Vec<L> = sizes.nv,
+        /// Gradient of the last iterate (conjugate gradients).
+        pub last_gradient: Vec<L> = sizes.nv,
+        /// M⁻¹ times that gradient (conjugate gradients).
+        pub last_scaled: Vec<L> = sizes.nv,
         /// Per link: motion of the vector that is mapped to the rows.
         pub twist: Vec<[L; 6]> = sizes.nlink,
         /// Per link: force of contacts on it and all that it carries.
@@ -107,6 +118,10 @@ pub struct SolverWork<L> {
     pub force: RowVector<L>,
     /// One-sided rows, for the line search.
     pub edges: edges::Edges<L>,
+    /// Force of each edge of the pyramidal contacts, contact by contact (dual solvers and the no-slip pass).
+    pub edge_force: Vec<L>,
+    /// Inverse inertia in row space (dual solvers and the no-slip pass).
+    pub dual: dual::Dual<L>,
     /// Pattern of the Hessian when contacts join branches.
     pub fill: fill::Fill,
     /// Links with contacts in the block, or carrying such links.
@@ -116,21 +131,78 @@ pub struct SolverWork<L> {
 }
 
 impl<L: LaneQuery> SolverWork<L> {
-    /// Room for all rows that the model can have.
+    /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let dof = model.friction_losses.len() + 2 * model.limits.len();
-        let component: usize = model.pairs.iter().map(|pair| (pair.slots.len * pair.condim) as usize).sum();
+        let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
         SolverWork {
             fields: Solver::new(&model.sizes),
             y: RowVector::with_capacity(dof, component),
             jp: RowVector::with_capacity(dof, component),
             force: RowVector::with_capacity(dof, component),
             edges: edges::Edges::with_capacity(dof + 2 * component),
+            edge_force: Vec::new(),
+            dual: dual::Dual::new(model, dof, component),
             fill: fill::Fill::new(&model.sizes),
             touched: vec![false; model.sizes.nlink],
             statistics: Statistics { niter: L::zero(), block_niter: 0 },
         }
     }
+}
+
+/// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. Worlds without active rows keep the smooth
+/// acceleration. Returns the lanes that reached the limit of iterations.
+pub fn solve<L: LaneQuery>(
+    problem: &Problem<'_, L>,
+    warmstart: &[L],
+    alive: L::Mask,
+    work: &mut SolverWork<L>,
+) -> L::Mask {
+    prepare(problem.model, problem.constraint, work);
+    let constrained = active_lanes(problem.constraint);
+    let options = &problem.model.options;
+    let left = match options.solver {
+        options::Solver::Newton | options::Solver::Cg => primal::solve(problem, warmstart, alive & constrained, work),
+        options::Solver::Pgs => pgs::solve(problem, warmstart, alive & constrained, work),
+    };
+    if options.noslip_iterations > 0 {
+        noslip::solve(problem, alive & constrained, work);
+    }
+    let Solver { qacc, qfrc_constraint, .. } = &mut work.fields;
+    for i in 0..qacc.len() {
+        qacc[i] = L::select(constrained, qacc[i], problem.acceleration.qacc_smooth[i]);
+        qfrc_constraint[i] = L::select(constrained, qfrc_constraint[i], L::zero());
+    }
+    left
+}
+
+/// Sizes the row vectors and finds touched links and the pattern of the Hessian.
+fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &mut SolverWork<L>) {
+    work.y.fit(constraint);
+    work.jp.fit(constraint);
+    work.force.fit(constraint);
+    work.touched.fill(false);
+    for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
+        let mut l = row.link;
+        while l != NONE && !work.touched[l as usize] {
+            work.touched[l as usize] = true;
+            l = model.links[l as usize].parent;
+        }
+    }
+    if constraint.cross {
+        work.fill.find(model, constraint);
+    }
+}
+
+/// Worlds in which some row acts.
+fn active_lanes<L: Lane>(constraint: &Constraint<L>) -> L::Mask {
+    let mut active = L::Mask::splat(false);
+    for row in &constraint.dof_rows {
+        active = active | row.d.gt(L::zero());
+    }
+    for row in &constraint.contact_rows {
+        active = active | row.d.gt(L::zero());
+    }
+    active
 }
 
 /// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches.

@@ -1,159 +1,18 @@
-//! Newton's method on the primal problem, with an exact line search.
-//!
-//! The cost is piecewise quadratic: a full step after which no row has changed side lands on the minimum, so the solver
-//! knows when it is done without another gradient.
+//! Newton's method: the direction -H⁻¹g.
 
-use super::{Problem, Solver, SolverWork, hessian, pattern, rows};
-use crate::constraint::Constraint;
-use crate::lane::{Lane, LaneQuery, Mask, Real};
+use super::{Problem, Solver, SolverWork, hessian, pattern};
+use crate::lane::LaneQuery;
 use crate::math::ldl;
-use crate::model::{Model, NONE};
 
-/// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`, starting from `warmstart` or from the smooth
-/// acceleration, whichever costs less. Worlds without active rows keep the smooth acceleration. Returns the lanes that
-/// reached the limit of iterations.
-pub fn newton<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    warmstart: &[L],
-    alive: L::Mask,
-    work: &mut SolverWork<L>,
-) -> L::Mask {
-    prepare(problem.model, problem.constraint, work);
-    let constrained = active_lanes(problem.constraint);
-    start(problem, warmstart, work);
-    rows::forces(problem, work);
-    let mut open = alive & constrained & !converged(problem, &work.fields);
-    let mut niter = L::zero();
-    let mut rounds = 0;
-    while L::any(open) && rounds < problem.model.options.iterations {
-        rounds += 1;
-        niter += L::select(open, L::one(), L::zero());
-        let done = iterate(problem, open, work);
-        rows::forces(problem, work);
-        open = open & !done & !converged(problem, &work.fields);
-    }
-    let Solver { qacc, qfrc_constraint, .. } = &mut work.fields;
-    for i in 0..qacc.len() {
-        qacc[i] = L::select(constrained, qacc[i], problem.acceleration.qacc_smooth[i]);
-        qfrc_constraint[i] = L::select(constrained, qfrc_constraint[i], L::zero());
-    }
-    work.statistics.niter = niter;
-    work.statistics.block_niter = rounds;
-    open
-}
-
-/// Sizes the row vectors and finds touched links and the pattern of the Hessian.
-fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &mut SolverWork<L>) {
-    work.y.fit(constraint);
-    work.jp.fit(constraint);
-    work.force.fit(constraint);
-    work.touched.fill(false);
-    for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
-        let mut l = row.link;
-        while l != NONE && !work.touched[l as usize] {
-            work.touched[l as usize] = true;
-            l = model.links[l as usize].parent;
-        }
-    }
-    if constraint.cross {
-        work.fill.find(model, constraint);
-    }
-}
-
-/// Worlds in which some row acts.
-fn active_lanes<L: Lane>(constraint: &Constraint<L>) -> L::Mask {
-    let mut active = L::Mask::splat(false);
-    for row in &constraint.dof_rows {
-        active = active | row.d.gt(L::zero());
-    }
-    for row in &constraint.contact_rows {
-        active = active | row.d.gt(L::zero());
-    }
-    active
-}
-
-/// Chooses the start: sets qacc, M qacc and y.
-fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
-    let Problem { model, inertia, constraint, acceleration, .. } = problem;
-    let SolverWork { fields, y, jp, .. } = work;
-    let Solver { qacc, ma, twist, .. } = fields;
-    let smooth = &acceleration.qacc_smooth;
-    rows::apply(problem, smooth, twist, jp);
-    add_reference(constraint, jp);
-    let cold = rows::cost(constraint, jp);
-    rows::apply(problem, warmstart, twist, y);
-    add_reference(constraint, y);
-    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warmstart, ma);
-    let mut twice = L::zero();
-    for i in 0..ma.len() {
-        twice = (warmstart[i] - smooth[i]).mul_add(ma[i] - acceleration.qfrc_smooth[i], twice);
-    }
-    let warm = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
-    let use_warm = if model.options.flags.warmstart { warm.lt(cold) } else { L::Mask::splat(false) };
-    for i in 0..ma.len() {
-        qacc[i] = L::select(use_warm, warmstart[i], smooth[i]);
-        ma[i] = L::select(use_warm, ma[i], acceleration.qfrc_smooth[i]);
-    }
-    for (y, cold) in y.dof.iter_mut().zip(&jp.dof).chain(y.component.iter_mut().zip(&jp.component)) {
-        *y = L::select(use_warm, *y, *cold);
-    }
-}
-
-/// y = J x becomes J x - a_ref.
-fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut super::RowVector<L>) {
-    for (y, row) in y.dof.iter_mut().zip(&constraint.dof_rows) {
-        *y += row.reference;
-    }
-    for (y, reference) in y.component.iter_mut().zip(&constraint.reference) {
-        *y += *reference;
-    }
-}
-
-/// Whether the gradient is below the tolerance, scaled by the model's inertia, or lost in rounding.
-fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -> L::Mask {
-    let Problem { model, acceleration, .. } = problem;
-    let (mut gradient, mut size) = (L::zero(), L::zero());
-    for i in 0..solver.gradient.len() {
-        let (g, a, b) = (solver.gradient[i], solver.ma[i], solver.qfrc_constraint[i]);
-        let c = acceleration.qfrc_smooth[i];
-        gradient = g.mul_add(g, gradient);
-        size = c.mul_add(c, b.mul_add(b, a.mul_add(a, size)));
-    }
-    let bound = L::of(model.options.tolerance) * L::splat(model.mean_inertia) * L::of(model.sizes.nv as f64);
-    let rounding = L::of(2.0 * L::Real::EPSILON);
-    gradient.sqrt().le(bound) | gradient.le(rounding * rounding * size)
-}
-
-/// One Newton step for the lanes in `open`. Returns the lanes that it takes to the minimum: a full step on which no row
-/// changes side.
-fn iterate<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L::Mask {
-    let Problem { model, inertia, acceleration, constraint, .. } = problem;
+/// Sets the search direction of the current iterate.
+pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     hessian::assemble(problem, work);
     let pattern = pattern(problem, &work.fill);
-    let Solver { qacc, ma, gradient, search, msearch, hessian, inverse, twist, .. } = &mut work.fields;
-    ldl::factor(&model.rows, pattern, hessian, inverse);
+    let rows = &problem.model.rows;
+    let Solver { gradient, search, hessian, inverse, .. } = &mut work.fields;
+    ldl::factor(rows, pattern, hessian, inverse);
     for (p, g) in search.iter_mut().zip(gradient.iter()) {
         *p = -*g;
     }
-    ldl::solve(&model.rows, pattern, hessian, inverse, search);
-    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
-    rows::apply(problem, search, twist, &mut work.jp);
-    work.edges.collect(constraint, &work.y, &work.jp);
-    let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
-    for i in 0..search.len() {
-        slope = search[i].mul_add(ma[i] - acceleration.qfrc_smooth[i], slope);
-        curvature = search[i].mul_add(msearch[i], curvature);
-        descent = search[i].mul_add(gradient[i], descent);
-    }
-    let tolerance = descent.abs() * L::of(model.options.ls_tolerance);
-    let alpha = work.edges.search(slope, curvature, tolerance, model.options.ls_iterations, open);
-    let alpha = L::select(open, alpha, L::zero());
-    for i in 0..search.len() {
-        qacc[i] = L::select(open, alpha.mul_add(search[i], qacc[i]), qacc[i]);
-        ma[i] = L::select(open, alpha.mul_add(msearch[i], ma[i]), ma[i]);
-    }
-    for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
-        *y = L::select(open, alpha.mul_add(*v, *y), *y);
-    }
-    work.edges.unchanged(alpha) & alpha.eq(L::one())
+    ldl::solve(rows, pattern, hessian, inverse, search);
 }

@@ -75,11 +75,31 @@ pub fn dof_force<L: Lane>(row: &DofRow<L>, y: L) -> (L, L) {
 
 /// Row forces from y, their generalised force Jᵀf, and the gradient M a - smooth force - Jᵀf.
 pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, position, acceleration, constraint, .. } = problem;
-    let Solver { qfrc_constraint, wrench, ma, gradient, .. } = &mut work.fields;
-    qfrc_constraint.fill(L::zero());
-    for ((row, y), force) in constraint.dof_rows.iter().zip(&work.y.dof).zip(&mut work.force.dof) {
+    from_y(problem.constraint, &work.y, &mut work.force);
+    transpose(problem, work);
+    let Solver { qfrc_constraint, ma, gradient, .. } = &mut work.fields;
+    for i in 0..gradient.len() {
+        gradient[i] = ma[i] - problem.acceleration.qfrc_smooth[i] - qfrc_constraint[i];
+    }
+}
+
+/// Row forces from y.
+pub fn from_y<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>, force: &mut RowVector<L>) {
+    for ((row, y), force) in constraint.dof_rows.iter().zip(&y.dof).zip(&mut force.dof) {
         *force = dof_force(row, *y).0;
+    }
+    for row in &constraint.contact_rows {
+        let range = row.component as usize..(row.component + row.dim) as usize;
+        cone::force(row, &y.component[range.clone()], &mut force.component[range]);
+    }
+}
+
+/// Generalised force Jᵀf of the row forces.
+pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let Problem { model, position, constraint, .. } = problem;
+    let Solver { qfrc_constraint, wrench, .. } = &mut work.fields;
+    qfrc_constraint.fill(L::zero());
+    for (row, force) in constraint.dof_rows.iter().zip(&work.force.dof) {
         let out = &mut qfrc_constraint[row.dof as usize..];
         match row.kind {
             DofRowKind::Friction | DofRowKind::Lower => out[0] += *force,
@@ -97,12 +117,11 @@ pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
         }
     }
     for row in &constraint.contact_rows {
-        let (first, dim) = (row.component as usize, row.dim as usize);
-        let force = &mut work.force.component[first..first + dim];
-        cone::force(row, &work.y.component[first..first + dim], force);
+        let range = row.component as usize..(row.component + row.dim) as usize;
+        let force = &work.force.component[range.clone()];
         if row.link != NONE {
             let wrench = &mut wrench[row.link as usize];
-            for (f, w) in force.iter().zip(&constraint.motion[first..first + dim]) {
+            for (f, w) in force.iter().zip(&constraint.motion[range]) {
                 *wrench = scale_add(*f, w, wrench);
             }
         } else {
@@ -125,9 +144,6 @@ pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
             let parent = &mut wrench[link.parent as usize];
             *parent = add(parent, &sum);
         }
-    }
-    for i in 0..gradient.len() {
-        gradient[i] = ma[i] - acceleration.qfrc_smooth[i] - qfrc_constraint[i];
     }
 }
 

@@ -99,6 +99,7 @@ fn forms_of_numbers() {
 fn hostile_sizes() {
     let many: String = (0..200).map(|i| format!(" a{i}='0'")).collect();
     rejects(&format!("<mujoco>\n<option{many}/></mujoco>"), "2: an element has more than 128 attributes");
+    rejects(&world("<body xmlns:a='b'/>"), "1: namespaces (xmlns) are not part of MJCF");
     let deep = format!("{}{}", "<body>".repeat(10_000), "</body>".repeat(10_000));
     assert_eq!(ok(&world(&deep)).bodies.len(), 10_001);
     let too_deep = format!("{}{}", "<body>".repeat(60_000), "</body>".repeat(60_000));

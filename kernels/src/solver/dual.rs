@@ -1,0 +1,201 @@
+//! The dual problem, minimise over forces: A = J M⁻¹ Jᵀ through whitened rows b = D^-½ L⁻ᵀ jᵀ, so that A = b·b and a sweep
+//! over the rows is matrix-free: z = Σ b f holds what all forces do.
+
+use super::{Problem, RowVector, SolverWork, rows};
+use crate::constraint::{Constraint, ContactRow, DofRowKind};
+use crate::lane::Lane;
+use crate::math::spatial::dot6;
+use crate::model::{Model, NONE};
+use crate::options;
+
+/// Whitened rows, and what all forces together do.
+#[derive(Clone, Debug)]
+pub struct Dual<L> {
+    /// `nv` numbers per dof row, then per contact component.
+    b: Vec<L>,
+    /// Σ b f.
+    pub z: Vec<L>,
+    /// √D⁻¹ of M's factor.
+    root: Vec<L>,
+    /// J a₀ - a_ref.
+    pub bias: RowVector<L>,
+    nv: usize,
+}
+
+impl<L: Lane> Dual<L> {
+    /// Room for all rows if the model's options need the dual problem, else none.
+    pub fn new(model: &Model<L::Real>, dof: usize, component: usize) -> Self {
+        let used = model.options.solver == options::Solver::Pgs || model.options.noslip_iterations > 0;
+        let nv = if used { model.sizes.nv } else { 0 };
+        Dual {
+            b: Vec::with_capacity(((dof + component) * nv).min(1 << 20)),
+            z: vec![L::zero(); nv],
+            root: vec![L::zero(); nv],
+            bias: RowVector::with_capacity(if used { dof } else { 0 }, if used { component } else { 0 }),
+            nv,
+        }
+    }
+
+    /// The whitened row of a dof row.
+    pub fn dof(&self, row: usize) -> &[L] {
+        &self.b[row * self.nv..(row + 1) * self.nv]
+    }
+
+    /// The whitened row of a contact component.
+    pub fn component(&self, component: usize) -> &[L] {
+        self.dof(self.bias.dof.len() + component)
+    }
+
+    /// A's block of a contact: products of its components' rows.
+    pub fn block(&self, row: &ContactRow<L>) -> [[L; 6]; 6] {
+        let mut out = [[L::zero(); 6]; 6];
+        for i in 0..row.dim as usize {
+            for j in 0..=i {
+                let (bi, bj) = (self.component(row.component as usize + i), self.component(row.component as usize + j));
+                out[i][j] = product(bi, bj);
+                out[j][i] = out[i][j];
+            }
+        }
+        out
+    }
+
+    /// J(a₀ + M⁻¹Jᵀf) - a_ref of a contact's components.
+    pub fn residual(&self, row: &ContactRow<L>) -> [L; 6] {
+        let mut out = [L::zero(); 6];
+        for (i, out) in out.iter_mut().enumerate().take(row.dim as usize) {
+            let at = row.component as usize + i;
+            *out = self.bias.component[at] + product(self.component(at), &self.z);
+        }
+        out
+    }
+
+    /// z += b Δ for a contact's components.
+    pub fn add(&mut self, row: &ContactRow<L>, change: &[L; 6]) {
+        for (i, change) in change.iter().enumerate().take(row.dim as usize) {
+            let start = (self.bias.dof.len() + row.component as usize + i) * self.nv;
+            add_scaled(&mut self.z, &self.b[start..start + self.nv], *change);
+        }
+    }
+
+    /// z += b Δ for a dof row.
+    pub fn add_dof(&mut self, row: usize, change: L) {
+        add_scaled(&mut self.z, &self.b[row * self.nv..(row + 1) * self.nv], change);
+    }
+}
+
+/// a · b
+pub fn product<L: Lane>(a: &[L], b: &[L]) -> L {
+    let mut sum = L::zero();
+    for (x, y) in a.iter().zip(b) {
+        sum = x.mul_add(*y, sum);
+    }
+    sum
+}
+
+fn add_scaled<L: Lane>(z: &mut [L], b: &[L], factor: L) {
+    for (z, b) in z.iter_mut().zip(b) {
+        *z = b.mul_add(factor, *z);
+    }
+}
+
+/// Whitens all rows and sets the bias and, from the forces in `work.force`, z.
+pub fn prepare<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let Problem { acceleration, constraint, .. } = problem;
+    let SolverWork { dual, fields, force, .. } = work;
+    dual.bias.fit(constraint);
+    rows::apply(problem, &acceleration.qacc_smooth, &mut fields.twist, &mut dual.bias);
+    for (y, row) in dual.bias.dof.iter_mut().zip(&constraint.dof_rows) {
+        *y += row.reference;
+    }
+    for (y, reference) in dual.bias.component.iter_mut().zip(&constraint.reference) {
+        *y += *reference;
+    }
+    for (root, inverse) in dual.root.iter_mut().zip(&acceleration.inverse) {
+        *root = inverse.sqrt();
+    }
+    fill_rows(problem, dual);
+    let nv = dual.nv;
+    let Dual { b, root, z, .. } = dual;
+    z.fill(L::zero());
+    for (b, f) in b.chunks_exact_mut(nv.max(1)).zip(force.dof.iter().chain(&force.component)) {
+        whiten(problem, root, b);
+        add_scaled(z, b, *f);
+    }
+}
+
+/// Dense Jacobian rows.
+fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
+    let Problem { model, position, constraint, .. } = problem;
+    let Constraint { dof_rows, contact_rows, reference, motion, .. } = constraint;
+    let Dual { b, nv, .. } = dual;
+    b.clear();
+    b.resize((dof_rows.len() + reference.len()) * *nv, L::zero());
+    let (one, at) = (L::one(), |row: usize, dof: usize| row * *nv + dof);
+    for (r, row) in dof_rows.iter().enumerate() {
+        let dof = row.dof as usize;
+        match row.kind {
+            DofRowKind::Friction | DofRowKind::Lower => b[at(r, dof)] = one,
+            DofRowKind::Upper => b[at(r, dof)] = -one,
+            DofRowKind::Ball => (0..3).for_each(|k| b[at(r, dof + k)] = -row.axis[k]),
+        }
+    }
+    for row in contact_rows {
+        let (first, dim) = (row.component as usize, row.dim as usize);
+        if row.link == NONE {
+            for (dof, column) in rows::two_sided(model, constraint, row) {
+                for (i, j) in column.iter().enumerate() {
+                    b[at(dof_rows.len() + first + i, dof)] = *j;
+                }
+            }
+            continue;
+        }
+        let mut dof = model.links[row.link as usize].dofs.range().end as u32 - 1;
+        while dof != NONE {
+            let cdof = &position.cdof[dof as usize];
+            for i in first..first + dim {
+                b[at(dof_rows.len() + i, dof as usize)] = dot6(&motion[i], cdof);
+            }
+            dof = model.dofs[dof as usize].parent;
+        }
+    }
+}
+
+/// j becomes D^-½ L⁻ᵀ jᵀ.
+fn whiten<L: Lane>(problem: &Problem<'_, L>, root: &[L], j: &mut [L]) {
+    let Problem { model, acceleration, .. } = problem;
+    for k in (0..j.len()).rev() {
+        let (start, first) = (model.rows.start[k] as usize, model.rows.first[k] as usize);
+        let x = j[k];
+        for run in model.tree_pattern.row(k) {
+            let range = run.range();
+            let l = &acceleration.factor[start + range.start - first..start + range.end - first];
+            for (j, l) in j[range].iter_mut().zip(l) {
+                *j = x.neg_mul_add(*l, *j);
+            }
+        }
+        j[k] = x * root[k];
+    }
+}
+
+/// Sets qacc = a₀ + M⁻¹Jᵀf from z, and Jᵀf from the row forces.
+pub fn finish<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let Problem { model, acceleration, .. } = problem;
+    rows::transpose(problem, work);
+    let Dual { z, root, .. } = &work.dual;
+    let change = &mut work.fields.search;
+    for k in 0..z.len() {
+        let (start, first) = (model.rows.start[k] as usize, model.rows.first[k] as usize);
+        let mut sum = z[k] * root[k];
+        for run in model.tree_pattern.row(k) {
+            let range = run.range();
+            let l = &acceleration.factor[start + range.start - first..start + range.end - first];
+            for (x, l) in change[range].iter().zip(l) {
+                sum = x.neg_mul_add(*l, sum);
+            }
+        }
+        change[k] = sum;
+    }
+    for (a, (a0, change)) in work.fields.qacc.iter_mut().zip(acceleration.qacc_smooth.iter().zip(change.iter())) {
+        *a = *a0 + *change;
+    }
+}

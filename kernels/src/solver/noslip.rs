@@ -1,0 +1,88 @@
+//! The no-slip pass: friction is solved again without regularisation, normal forces fixed, so that what should stick
+//! does.
+
+use super::{Problem, SolverWork, dual, pgs};
+use crate::constraint::{Cone, DofRowKind};
+use crate::lane::{Lane, LaneQuery};
+use crate::options;
+
+/// Sweeps over friction until a sweep improves the cost by less than the no-slip tolerance, in the lanes of `open`.
+pub fn solve<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
+    let model = problem.model;
+    if model.options.solver != options::Solver::Pgs {
+        pgs::edge_forces(problem.constraint, work);
+        dual::prepare(problem, work);
+    }
+    let scale = L::one() / (L::splat(model.mean_inertia) * L::of((model.sizes.nv as f64).max(1.0)));
+    let tolerance = L::of(model.options.noslip_tolerance);
+    let mut open = open;
+    for _ in 0..model.options.noslip_iterations {
+        if !L::any(open) {
+            break;
+        }
+        let improvement = sweep(problem, open, work);
+        open = open & !(improvement * scale).lt(tolerance);
+    }
+    dual::finish(problem, work);
+}
+
+/// One pass over dry friction and the friction of contacts.
+fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
+    let constraint = problem.constraint;
+    let mut improvement = L::zero();
+    for (r, row) in constraint.dof_rows.iter().enumerate().filter(|(_, row)| row.kind == DofRowKind::Friction) {
+        let b = work.dual.dof(r);
+        let residual = dual::product(b, &work.dual.z) + work.dual.bias.dof[r];
+        let diagonal = dual::product(b, b);
+        let f = &mut work.force.dof[r];
+        let (change, gain) = pgs::scalar(f, residual, diagonal, -row.bound, row.bound, open);
+        improvement += gain;
+        work.dual.add_dof(r, change);
+    }
+    let mut edge = 0;
+    for row in &constraint.contact_rows {
+        let acts = open & row.d.gt(L::zero());
+        let n = row.dim as usize;
+        let force = &mut work.force.component[row.component as usize..row.component as usize + n];
+        match row.cone {
+            Cone::Ray => {}
+            Cone::Pyramid => {
+                for j in 1..n {
+                    let residual = work.dual.residual(row)[j];
+                    let b = work.dual.component(row.component as usize + j);
+                    let diagonal = dual::product(b, b);
+                    let (plus, minus) = (work.edge_force[edge], work.edge_force[edge + 1]);
+                    let bound = row.friction[j - 1] * (plus + minus);
+                    let (change, gain) = pgs::scalar(&mut force[j], residual, diagonal, -bound, bound, acts);
+                    improvement += gain;
+                    // The pair keeps its sum.
+                    let half = change / row.friction[j - 1] * L::of(0.5);
+                    work.edge_force[edge] = plus + half;
+                    work.edge_force[edge + 1] = minus - half;
+                    edge += 2;
+                    let mut changes = [L::zero(); 6];
+                    changes[j] = change;
+                    work.dual.add(row, &changes);
+                }
+            }
+            Cone::Ellipse => {
+                let block = work.dual.block(row);
+                let residual = work.dual.residual(row);
+                let old: [L; 6] = std::array::from_fn(|i| if i < n { force[i] } else { L::zero() });
+                // Without regularisation the gradient is the residual; its constant part leaves out friction.
+                let constant: [L; 6] =
+                    std::array::from_fn(|i| (0..n).fold(residual[i], |sum, k| block[i][k].neg_mul_add(old[k], sum)));
+                let mut next = old;
+                pgs::friction(n, row, &block, &constant, &mut next);
+                let change: [L; 6] = std::array::from_fn(|i| L::select(acts, next[i] - old[i], L::zero()));
+                for i in 0..n {
+                    let moved = (0..n).fold(L::zero(), |sum, k| block[i][k].mul_add(change[k], sum));
+                    improvement -= change[i] * moved.mul_add(L::of(0.5), residual[i]);
+                    force[i] = L::select(acts, next[i], old[i]);
+                }
+                work.dual.add(row, &change);
+            }
+        }
+    }
+    improvement
+}

@@ -1,0 +1,268 @@
+//! Projected Gauss-Seidel on the dual problem: ½ fᵀ(A + R)f + fᵀ(J a₀ - a_ref) over forces within their cones, contact by
+//! contact in a fixed order.
+//!
+//! Limits and pyramid edges are scalar rows. An elliptic contact moves along the ray through its force, then its friction
+//! is minimised with the normal force fixed.
+
+use super::{Problem, SolverWork, dual, qcqp, rows};
+use crate::constraint::{Cone, ContactRow, DofRow, DofRowKind};
+use crate::lane::{Lane, LaneQuery, Mask, Real};
+
+/// Sweeps until the lanes of `open` have converged: a sweep improves the cost by less than the tolerance. Returns the
+/// lanes that reached the limit of sweeps.
+pub fn solve<L: LaneQuery>(
+    problem: &Problem<'_, L>,
+    warmstart: &[L],
+    open: L::Mask,
+    work: &mut SolverWork<L>,
+) -> L::Mask {
+    start(problem, warmstart, work);
+    let model = problem.model;
+    let scale = L::one() / (L::splat(model.mean_inertia) * L::of((model.sizes.nv as f64).max(1.0)));
+    let tolerance = L::of(model.options.tolerance);
+    let mut open = open;
+    let mut niter = L::zero();
+    let mut rounds = 0;
+    while L::any(open) && rounds < model.options.iterations {
+        rounds += 1;
+        niter += L::select(open, L::one(), L::zero());
+        let improvement = sweep(problem, open, work);
+        open = open & !(improvement * scale).lt(tolerance);
+    }
+    work.statistics.niter = niter;
+    work.statistics.block_niter = rounds;
+    dual::finish(problem, work);
+    open
+}
+
+/// Forces of the warm start's acceleration where their dual cost is negative, else none.
+fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
+    let constraint = problem.constraint;
+    rows::apply(problem, warmstart, &mut work.fields.twist, &mut work.y);
+    for (y, row) in work.y.dof.iter_mut().zip(&constraint.dof_rows) {
+        *y += row.reference;
+    }
+    for (y, reference) in work.y.component.iter_mut().zip(&constraint.reference) {
+        *y += *reference;
+    }
+    rows::from_y(constraint, &work.y, &mut work.force);
+    edge_forces(constraint, work);
+    dual::prepare(problem, work);
+    // fᵀA f = z·z, fᵀR f = -y·f where the force map is linear, row by row the same as twice its cost.
+    let mut cost = dual::product(&work.dual.z, &work.dual.z) * L::of(0.5) + rows::cost(constraint, &work.y);
+    for (f, bias) in work.force.dof.iter().zip(&work.dual.bias.dof) {
+        cost = f.mul_add(*bias, cost);
+    }
+    for (f, bias) in work.force.component.iter().zip(&work.dual.bias.component) {
+        cost = f.mul_add(*bias, cost);
+    }
+    let keep = if problem.model.options.flags.warmstart { cost.lt(L::zero()) } else { L::Mask::splat(false) };
+    let forces = work.force.dof.iter_mut().chain(&mut work.force.component).chain(&mut work.edge_force);
+    for x in forces.chain(&mut work.dual.z) {
+        *x = L::select(keep, *x, L::zero());
+    }
+}
+
+/// Edge forces of pyramids from y.
+pub(super) fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>, work: &mut SolverWork<L>) {
+    work.edge_force.clear();
+    for row in constraint.contact_rows.iter().filter(|row| row.cone == Cone::Pyramid) {
+        let y = &work.y.component[row.component as usize..(row.component + row.dim) as usize];
+        for j in 1..y.len() {
+            let mu = row.friction[j - 1];
+            for edge in [mu.mul_add(y[j], y[0]), mu.neg_mul_add(y[j], y[0])] {
+                work.edge_force.push(-(row.d * edge.min(L::zero())));
+            }
+        }
+    }
+}
+
+/// One pass over all rows; returns by how much the cost fell.
+fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
+    let constraint = problem.constraint;
+    let mut improvement = L::zero();
+    for (r, row) in constraint.dof_rows.iter().enumerate() {
+        improvement += dof_row(r, row, open, work);
+    }
+    let mut edge = 0;
+    for row in &constraint.contact_rows {
+        let acts = open & row.d.gt(L::zero());
+        let block = work.dual.block(row);
+        let residual = work.dual.residual(row);
+        let range = row.component as usize..(row.component + row.dim) as usize;
+        let force = &mut work.force.component[range];
+        let (change, gain) = match row.cone {
+            Cone::Ray => ray(row, &block, residual, force, acts),
+            Cone::Pyramid => {
+                let edges = &mut work.edge_force[edge..edge + 2 * (force.len() - 1)];
+                edge += edges.len();
+                pyramid(row, &block, residual, edges, force, acts)
+            }
+            Cone::Ellipse => ellipse(row, &block, residual, force, acts),
+        };
+        improvement += gain;
+        work.dual.add(row, &change);
+    }
+    improvement
+}
+
+/// 1/D where the row acts, else 1.
+#[inline(always)]
+fn regulariser<L: Lane>(d: L) -> L {
+    L::one() / L::select(d.gt(L::zero()), d, L::one())
+}
+
+/// The best force of a scalar row, its change in the lanes of `acts`, and by how much the cost falls.
+#[inline(always)]
+pub(super) fn scalar<L: Lane>(f: &mut L, residual: L, diagonal: L, low: L, high: L, acts: L::Mask) -> (L, L) {
+    let next = (*f - residual / diagonal).max(low).min(high);
+    let change = L::select(acts, next - *f, L::zero());
+    *f = L::select(acts, next, *f);
+    (change, -(change * (change * diagonal).mul_add(L::of(0.5), residual)))
+}
+
+fn dof_row<L: Lane>(r: usize, row: &DofRow<L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
+    let b = work.dual.dof(r);
+    let regulariser = regulariser(row.d);
+    let f = &mut work.force.dof[r];
+    let residual = dual::product(b, &work.dual.z) + work.dual.bias.dof[r] + regulariser * *f;
+    let diagonal = dual::product(b, b) + regulariser;
+    let (low, high) =
+        if row.kind == DofRowKind::Friction { (-row.bound, row.bound) } else { (L::zero(), L::of(L::Real::MAX)) };
+    let (change, gain) = scalar(f, residual, diagonal, low, high, open & row.d.gt(L::zero()));
+    work.dual.add_dof(r, change);
+    gain
+}
+
+fn ray<L: Lane>(
+    row: &ContactRow<L>,
+    block: &[[L; 6]; 6],
+    residual: [L; 6],
+    force: &mut [L],
+    acts: L::Mask,
+) -> ([L; 6], L) {
+    let regulariser = regulariser(row.d);
+    let (residual, diagonal) = (regulariser.mul_add(force[0], residual[0]), block[0][0] + regulariser);
+    let mut out = [L::zero(); 6];
+    let (change, gain) = scalar(&mut force[0], residual, diagonal, L::zero(), L::of(L::Real::MAX), acts);
+    out[0] = change;
+    (out, gain)
+}
+
+fn pyramid<L: Lane>(
+    row: &ContactRow<L>,
+    block: &[[L; 6]; 6],
+    mut residual: [L; 6],
+    edges: &mut [L],
+    force: &mut [L],
+    acts: L::Mask,
+) -> ([L; 6], L) {
+    let regulariser = regulariser(row.d);
+    let (mut out, mut total) = ([L::zero(); 6], L::zero());
+    for (e, f) in edges.iter_mut().enumerate() {
+        let j = e / 2 + 1;
+        let mu = if e % 2 == 0 { row.friction[j - 1] } else { -row.friction[j - 1] };
+        let r = mu.mul_add(residual[j], residual[0]) + regulariser * *f;
+        let diagonal = mu.mul_add(mu.mul_add(block[j][j], block[0][j] + block[0][j]), block[0][0]) + regulariser;
+        let (change, gain) = scalar(f, r, diagonal, L::zero(), L::of(L::Real::MAX), acts);
+        total += gain;
+        for (k, residual) in residual.iter_mut().enumerate().take(force.len()) {
+            *residual = change.mul_add(mu.mul_add(block[k][j], block[k][0]), *residual);
+        }
+        out[0] += change;
+        out[j] = mu.mul_add(change, out[j]);
+    }
+    for (f, change) in force.iter_mut().zip(&out) {
+        *f += *change;
+    }
+    (out, total)
+}
+
+fn ellipse<L: Lane>(
+    row: &ContactRow<L>,
+    block: &[[L; 6]; 6],
+    residual: [L; 6],
+    force: &mut [L],
+    acts: L::Mask,
+) -> ([L; 6], L) {
+    let n = force.len();
+    let old: [L; 6] = std::array::from_fn(|i| if i < n { force[i] } else { L::zero() });
+    let mut a = *block;
+    let base = regulariser(row.d);
+    for (i, a) in a.iter_mut().enumerate().take(n) {
+        // R of component i is that of the normal times (μ̂/μᵢ)².
+        let ratio = if i == 0 { L::one() } else { row.mu / row.friction[i - 1] };
+        a[i] += base * ratio * ratio;
+    }
+    let times =
+        |x: &[L; 6]| -> [L; 6] { std::array::from_fn(|i| (0..n).fold(L::zero(), |sum, k| a[i][k].mul_add(x[k], sum))) };
+    // Gradient at the old force: residual + R f; and the constant part, gradient - (A + R) f.
+    let af = times(&old);
+    let gradient: [L; 6] =
+        std::array::from_fn(|i| if i < n { residual[i] + (a[i][i] - block[i][i]) * old[i] } else { L::zero() });
+    let constant: [L; 6] = std::array::from_fn(|i| gradient[i] - af[i]);
+    let mut next = along_ray(n, row, &a, &old, &af, &gradient);
+    friction(n, row, &a, &constant, &mut next);
+    let change: [L; 6] = std::array::from_fn(|i| L::select(acts, next[i] - old[i], L::zero()));
+    let moved = times(&change);
+    let mut gain = L::zero();
+    for i in 0..n {
+        gain -= change[i] * moved[i].mul_add(L::of(0.5), gradient[i]);
+        force[i] = L::select(acts, next[i], old[i]);
+    }
+    (change, gain)
+}
+
+/// The best force on the ray through the old one. A vanishing force moves along the steepest ray of the cone, whose
+/// friction opposes the slip, so that the tip of the cone is left whenever it is not the minimum.
+#[inline(always)]
+fn along_ray<L: Lane>(
+    n: usize,
+    row: &ContactRow<L>,
+    a: &[[L; 6]; 6],
+    old: &[L; 6],
+    af: &[L; 6],
+    gradient: &[L; 6],
+) -> [L; 6] {
+    let (zero, one, tiny) = (L::zero(), L::one(), L::of(L::Real::MINVAL));
+    let vanishing = old[0].lt(tiny);
+    let mut slip = zero;
+    for i in 1..n {
+        let u = row.friction[i - 1] * gradient[i];
+        slip = u.mul_add(u, slip);
+    }
+    let inverse = one / slip.sqrt().max(tiny);
+    let steepest: [L; 6] = std::array::from_fn(|i| match i {
+        0 => one,
+        _ if i < n => -(row.friction[i - 1] * row.friction[i - 1] * gradient[i] * inverse),
+        _ => zero,
+    });
+    let (mut slope, mut curvature, mut tip_slope, mut tip_curvature) = (zero, zero, zero, zero);
+    for i in 0..n {
+        slope = old[i].mul_add(gradient[i], slope);
+        curvature = old[i].mul_add(af[i], curvature);
+        tip_slope = steepest[i].mul_add(gradient[i], tip_slope);
+        let moved = (0..n).fold(zero, |sum, k| a[i][k].mul_add(steepest[k], sum));
+        tip_curvature = steepest[i].mul_add(moved, tip_curvature);
+    }
+    let step = (-slope / L::select(curvature.gt(zero), curvature, one)).max(-one);
+    let tip_step = (-tip_slope / tip_curvature).max(zero);
+    std::array::from_fn(|i| L::select(vanishing, tip_step * steepest[i], step.mul_add(old[i], old[i])))
+}
+
+/// The best friction within the ellipsoid of the normal force.
+pub(super) fn friction<L: Lane>(n: usize, row: &ContactRow<L>, a: &[[L; 6]; 6], constant: &[L; 6], force: &mut [L; 6]) {
+    let zero = L::zero();
+    let (mut q, mut c) = ([[zero; 5]; 5], [zero; 5]);
+    for i in 1..n {
+        let mu = row.friction[i - 1];
+        c[i - 1] = mu * a[i][0].mul_add(force[0], constant[i]);
+        for j in 1..n {
+            q[i - 1][j - 1] = mu * row.friction[j - 1] * a[i][j];
+        }
+    }
+    let u = qcqp::minimise(n - 1, &q, &c, force[0]);
+    for i in 1..n {
+        force[i] = row.friction[i - 1] * u[i - 1];
+    }
+}

@@ -1,0 +1,127 @@
+//! The primal problem, minimise over the acceleration: what Newton's method and conjugate gradients share. Both move
+//! along a search direction by an exact line search.
+//!
+//! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
+//! the minimum, so the solver knows that it is done without another gradient.
+
+use super::{Problem, Solver, SolverWork, cg, newton, rows};
+use crate::constraint::Constraint;
+use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::math::ldl;
+use crate::options;
+
+/// Iterates from `warmstart` or from the smooth acceleration, whichever costs less, until the lanes of `open` have
+/// converged. Returns the lanes that reached the limit of iterations.
+pub fn solve<L: LaneQuery>(
+    problem: &Problem<'_, L>,
+    warmstart: &[L],
+    open: L::Mask,
+    work: &mut SolverWork<L>,
+) -> L::Mask {
+    start(problem, warmstart, work);
+    rows::forces(problem, work);
+    let conjugate = problem.model.options.solver == options::Solver::Cg;
+    let mut open = open & !converged(problem, &work.fields);
+    let mut niter = L::zero();
+    let mut rounds = 0;
+    while L::any(open) && rounds < problem.model.options.iterations {
+        niter += L::select(open, L::one(), L::zero());
+        if conjugate {
+            cg::direction(problem, rounds == 0, work);
+        } else {
+            newton::direction(problem, work);
+        }
+        let full = advance(problem, open, work);
+        rows::forces(problem, work);
+        open = open & !converged(problem, &work.fields);
+        if !conjugate {
+            open = open & !full;
+        }
+        rounds += 1;
+    }
+    work.statistics.niter = niter;
+    work.statistics.block_niter = rounds;
+    open
+}
+
+/// Chooses the start: sets qacc, M qacc and y.
+fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
+    let Problem { model, inertia, constraint, acceleration, .. } = problem;
+    let SolverWork { fields, y, jp, .. } = work;
+    let Solver { qacc, ma, twist, .. } = fields;
+    let smooth = &acceleration.qacc_smooth;
+    rows::apply(problem, smooth, twist, jp);
+    add_reference(constraint, jp);
+    let cold = rows::cost(constraint, jp);
+    rows::apply(problem, warmstart, twist, y);
+    add_reference(constraint, y);
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warmstart, ma);
+    let mut twice = L::zero();
+    for i in 0..ma.len() {
+        twice = (warmstart[i] - smooth[i]).mul_add(ma[i] - acceleration.qfrc_smooth[i], twice);
+    }
+    let warm = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
+    let use_warm = if model.options.flags.warmstart { warm.lt(cold) } else { L::Mask::splat(false) };
+    for i in 0..ma.len() {
+        qacc[i] = L::select(use_warm, warmstart[i], smooth[i]);
+        ma[i] = L::select(use_warm, ma[i], acceleration.qfrc_smooth[i]);
+    }
+    for (y, cold) in y.dof.iter_mut().zip(&jp.dof).chain(y.component.iter_mut().zip(&jp.component)) {
+        *y = L::select(use_warm, *y, *cold);
+    }
+}
+
+/// y = J x becomes J x - a_ref.
+fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut super::RowVector<L>) {
+    for (y, row) in y.dof.iter_mut().zip(&constraint.dof_rows) {
+        *y += row.reference;
+    }
+    for (y, reference) in y.component.iter_mut().zip(&constraint.reference) {
+        *y += *reference;
+    }
+}
+
+/// Whether the gradient is below the tolerance, scaled by the model's inertia, or lost in rounding.
+fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -> L::Mask {
+    let Problem { model, acceleration, .. } = problem;
+    let (mut gradient, mut size) = (L::zero(), L::zero());
+    for i in 0..solver.gradient.len() {
+        let (g, a, b) = (solver.gradient[i], solver.ma[i], solver.qfrc_constraint[i]);
+        let c = acceleration.qfrc_smooth[i];
+        gradient = g.mul_add(g, gradient);
+        size = c.mul_add(c, b.mul_add(b, a.mul_add(a, size)));
+    }
+    let bound = L::of(model.options.tolerance) * L::splat(model.mean_inertia) * L::of(model.sizes.nv as f64);
+    let rounding = L::of(2.0 * L::Real::EPSILON);
+    gradient.sqrt().le(bound) | gradient.le(rounding * rounding * size)
+}
+
+/// Moves along the search direction to the minimum, in the lanes of `open`. Returns the lanes that took a full step on
+/// which no row left its quadratic piece.
+fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L::Mask {
+    let Problem { model, inertia, acceleration, constraint, .. } = problem;
+    let Solver { qacc, ma, gradient, search, msearch, twist, .. } = &mut work.fields;
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
+    rows::apply(problem, search, twist, &mut work.jp);
+    work.edges.collect(constraint, &work.y, &work.jp);
+    let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
+    for i in 0..search.len() {
+        slope = search[i].mul_add(ma[i] - acceleration.qfrc_smooth[i], slope);
+        curvature = search[i].mul_add(msearch[i], curvature);
+        descent = search[i].mul_add(gradient[i], descent);
+    }
+    // Newton's direction is no worse after a rough search; conjugacy is lost by one.
+    let conjugate = model.options.solver == options::Solver::Cg;
+    let precision = model.options.ls_tolerance * if conjugate { 1e-6 } else { 1.0 };
+    let tolerance = descent.abs() * L::of(precision);
+    let alpha = work.edges.search(slope, curvature, tolerance, model.options.ls_iterations, open);
+    let alpha = L::select(open, alpha, L::zero());
+    for i in 0..search.len() {
+        qacc[i] = L::select(open, alpha.mul_add(search[i], qacc[i]), qacc[i]);
+        ma[i] = L::select(open, alpha.mul_add(msearch[i], ma[i]), ma[i]);
+    }
+    for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
+        *y = L::select(open, alpha.mul_add(*v, *y), *y);
+    }
+    work.edges.unchanged(alpha) & alpha.eq(L::one())
+}
