@@ -62,6 +62,23 @@ macro_rules! table {
     };
 }
 
+/// Most entries for which a list is given room in advance. Models in which thousands of pairs could touch at once, and
+/// never do, would otherwise take memory for all of them; their lists grow when they must.
+const RESERVE: usize = 1 << 14;
+
+/// Room for the lists of a block: contacts, constraint rows and Jacobians that the model can have at once, within reason.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capacity {
+    /// Contacts.
+    pub contacts: usize,
+    /// Rows on joints.
+    pub dof_rows: usize,
+    /// Contact components.
+    pub components: usize,
+    /// Entries of stored Jacobians.
+    pub jacobian: usize,
+}
+
 /// A run of consecutive indices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
@@ -568,6 +585,24 @@ pub struct Model<T> {
     pub gravity: [T; 3],
     /// Potential energy of the bodies that stand still.
     pub potential_still: T,
+}
+
+impl<T> Model<T> {
+    /// Room for a block's lists.
+    pub fn capacity(&self) -> Capacity {
+        let (mut components, mut jacobian) = (0_usize, 0_usize);
+        for pair in &self.pairs {
+            let rows = (pair.slots.len * pair.condim) as usize;
+            components += rows;
+            jacobian = jacobian.saturating_add(rows * pair.dofs.len as usize);
+        }
+        Capacity {
+            contacts: self.sizes.nslot.min(RESERVE),
+            dof_rows: self.friction_losses.len() + 2 * self.limits.len(),
+            components: components.min(3 * RESERVE),
+            jacobian: jacobian.min(16 * RESERVE),
+        }
+    }
 }
 
 impl<U: Real> Cast<U> for Model<f64> {

@@ -26,8 +26,13 @@ impl Failure {
 
     /// Prints the reason to standard error and gives the exit status.
     pub fn report(self) -> ExitCode {
+        let mut hint = None;
         let (message, status) = match self {
-            Failure::Model(diagnostics) => (diagnostics.to_string(), 1),
+            Failure::Model(diagnostics) => {
+                let lenient = diagnostics.0.iter().any(|d| d.remedy.contains("lenient"));
+                hint = lenient.then_some("hint: --lenient leaves out what can be left out, and lists it");
+                (diagnostics.to_string(), 1)
+            }
             Failure::Input(message) => (message, 1),
             Failure::Usage(message) => (message, 2),
             Failure::BrokenPipe => return ExitCode::SUCCESS,
@@ -36,6 +41,9 @@ impl Failure {
         for line in message.lines() {
             // A closed standard error is no reason to fail differently.
             let _ = writeln!(stderr, "error: {line}");
+        }
+        if let Some(hint) = hint {
+            let _ = writeln!(stderr, "{hint}");
         }
         ExitCode::from(status)
     }

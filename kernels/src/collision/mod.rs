@@ -82,12 +82,12 @@ impl<L: Lane> Body<L> {
 }
 
 impl<L: LaneQuery> Collision<L> {
-    /// Room for every slot of the model.
+    /// Room for the contacts that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         Collision {
             colliders: Colliders::new(&model.sizes),
-            slots: Vec::with_capacity(model.sizes.nslot),
-            contacts: Vec::with_capacity(model.sizes.nslot),
+            slots: Vec::with_capacity(model.capacity().contacts),
+            contacts: Vec::with_capacity(model.capacity().contacts),
         }
     }
 

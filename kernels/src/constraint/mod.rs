@@ -108,21 +108,15 @@ pub struct Constraint<L> {
 }
 
 impl<L: Lane> Constraint<L> {
-    /// Room for every row that the model can have.
+    /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let mut components = 0;
-        let mut jacobian = 0;
-        for pair in &model.pairs {
-            let rows = (pair.slots.len * pair.condim) as usize;
-            components += rows;
-            jacobian += rows * pair.dofs.len as usize;
-        }
+        let capacity = model.capacity();
         Constraint {
-            dof_rows: Vec::with_capacity(model.friction_losses.len() + 2 * model.limits.len()),
-            contact_rows: Vec::with_capacity(model.sizes.nslot),
-            reference: Vec::with_capacity(components),
-            motion: Vec::with_capacity(components),
-            jacobian: Vec::with_capacity(jacobian),
+            dof_rows: Vec::with_capacity(capacity.dof_rows),
+            contact_rows: Vec::with_capacity(capacity.contacts),
+            reference: Vec::with_capacity(capacity.components),
+            motion: Vec::with_capacity(capacity.components),
+            jacobian: Vec::with_capacity(capacity.jacobian),
             cross: false,
         }
     }

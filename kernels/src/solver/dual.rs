@@ -28,7 +28,7 @@ impl<L: Lane> Dual<L> {
         let used = model.options.solver == options::Solver::Pgs || model.options.noslip_iterations > 0;
         let nv = if used { model.sizes.nv } else { 0 };
         Dual {
-            b: Vec::with_capacity((dof + component) * nv),
+            b: Vec::with_capacity(((dof + component) * nv).min(1 << 20)),
             z: vec![L::zero(); nv],
             root: vec![L::zero(); nv],
             bias: RowVector::with_capacity(if used { dof } else { 0 }, if used { component } else { 0 }),

@@ -22,7 +22,7 @@ use crate::constraint::Constraint;
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery, Mask};
-use crate::model::{Model, NONE, Pattern};
+use crate::model::{Capacity, Model, NONE, Pattern};
 use crate::options;
 use crate::position::Position;
 
@@ -131,10 +131,9 @@ pub struct SolverWork<L> {
 }
 
 impl<L: LaneQuery> SolverWork<L> {
-    /// Room for all rows that the model can have.
+    /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let dof = model.friction_losses.len() + 2 * model.limits.len();
-        let component: usize = model.pairs.iter().map(|pair| (pair.slots.len * pair.condim) as usize).sum();
+        let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
         SolverWork {
             fields: Solver::new(&model.sizes),
             y: RowVector::with_capacity(dof, component),
