@@ -72,6 +72,7 @@ fn each_field<L: LaneQuery>(ws: &mut Workspace<L>, f: &mut dyn FnMut(&'static st
 fn promised<T>(model: &Tables<T>, stage: &str, field: &str) -> bool {
     match (stage, field) {
         ("solver", _) => ["qacc", "qfrc_constraint"].contains(&field),
+        (_, "multipliers") => false,
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
         ("actuation", "length" | "moment") => true,
         ("actuation", _) => model.features.actuation,

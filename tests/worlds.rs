@@ -54,7 +54,7 @@ fn wrong_controls_are_named() {
     let mut run = |controls: &[f64]| {
         worlds.rollout(&Rollout { nstep: 4, controls: Controls::Given(controls), ..Rollout::default() }).map(|_| ())
     };
-    fails(run(&vec![0.0; 7]), &format!("controls have 7 numbers; expected {} = nworld 3 × nstep 4 × nu {nu}", 12 * nu));
+    fails(run(&[0.0; 7]), &format!("controls have 7 numbers; expected {} = nworld 3 × nstep 4 × nu {nu}", 12 * nu));
     let mut controls = vec![0.0; 12 * nu];
     controls[(2 * 4 + 1) * nu + 3] = f64::NAN;
     fails(run(&controls), "controls[2, 1, 3] is NaN; expected a finite number");
