@@ -282,20 +282,6 @@ impl Model {
         if options.cone == Cone::Elliptic && tables.pairs.iter().any(|pair| pair.condim > 1) {
             return missing("elliptic cones are not built yet (set option cone=pyramidal)".into());
         }
-        for pair in &tables.pairs {
-            let (a, b) = (&tables.geoms[pair.geom1 as usize], &tables.geoms[pair.geom2 as usize]);
-            if !lanesim_kernels::collision::supported(a.shape, b.shape) {
-                let name = |id: u32| format!("{id} \"{}\"", self.names().geoms.name(id as usize));
-                return missing(format!(
-                    "geoms {} and {} may touch, and contacts between {:?} and {:?} are not built yet (exclude their \
-                     bodies, or separate them with contype and conaffinity)",
-                    name(a.id),
-                    name(b.id),
-                    a.shape,
-                    b.shape
-                ));
-            }
-        }
         Ok(())
     }
 

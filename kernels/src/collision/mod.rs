@@ -3,15 +3,21 @@
 //!
 //! A block's list is the union of its worlds' contacts; a world without a given contact has it at distance `MAXVAL`.
 
+mod boxes;
 mod capsule;
+mod capsule_box;
+mod convex;
 mod frame;
 mod plane;
+mod single;
 mod sphere;
 
+pub use convex::ConvexCollider;
 pub use frame::contact_frame;
+pub use single::{Point, Points};
 
 use crate::fields::fields;
-use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::lane::{Lane, LaneQuery, Mask, Real, Scalar};
 use crate::math::vec3::{Mat3, Vec3, add, column, dot, mul_add, mul_mat, splat, sub, zero};
 use crate::model::{Geom, Model, NONE, Pair, Shape};
 use crate::position::Position;
@@ -68,10 +74,13 @@ pub(crate) struct Candidate<L> {
 
 /// A geom as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Body<L> {
-    pos: Vec3<L>,
-    rot: Mat3<L>,
-    size: Vec3<L>,
+pub struct Body<L> {
+    /// Centre.
+    pub pos: Vec3<L>,
+    /// Orientation, row-major.
+    pub rot: Mat3<L>,
+    /// Sizes.
+    pub size: Vec3<L>,
 }
 
 impl<L: Lane> Body<L> {
@@ -130,6 +139,7 @@ pub fn collide<L: LaneQuery>(
     position: &Position<L>,
     alive: L::Mask,
     capacity: usize,
+    convex: &dyn ConvexCollider,
     collision: &mut Collision<L>,
 ) -> L::Mask {
     let Collision { colliders, slots, contacts } = collision;
@@ -146,7 +156,9 @@ pub fn collide<L: LaneQuery>(
             continue;
         }
         let include = L::splat(pair.include);
-        narrow::<L>(shapes(model, pair), &first, &second, include, near, &mut |point, candidate, mask| {
+        let narrow =
+            Narrow { shapes: shapes(model, pair), include: pair.include, most: pair.slots.len as usize, convex };
+        narrow.points::<L>(&first, &second, near, &mut |point, candidate, mask| {
             let mut exists = mask & candidate.dist.le(include);
             if may_overflow {
                 count += L::select(exists, L::one(), L::zero());
@@ -206,19 +218,47 @@ fn near<L: Lane>(model: &Model<L::Real>, pair: &Pair<L::Real>, first: &Body<L>, 
     dot(&between, &between).le(reach * reach)
 }
 
-/// Whether the narrow phase has a pair of shapes, the first sorting before the second.
-pub fn supported(first: Shape, second: Shape) -> bool {
-    use Shape::{Capsule, Cylinder, Plane, Sphere};
-    match first {
-        Plane => second != Plane,
-        Sphere => matches!(second, Sphere | Capsule | Cylinder | Shape::Box),
-        Capsule => second == Capsule,
-        _ => false,
+/// A pair as the narrow phase sees it.
+struct Narrow<'a, T> {
+    shapes: (Shape, Shape),
+    /// Distance up to which there are contacts.
+    include: T,
+    /// Most contacts of the pair.
+    most: usize,
+    convex: &'a dyn ConvexCollider,
+}
+
+impl<T: Scalar> Narrow<'_, T> {
+    /// Calls `emit` with number, geometry and mask of every contact that the pair may have.
+    fn points<L: LaneQuery<Real = T>>(
+        &self,
+        a: &Body<L>,
+        b: &Body<L>,
+        near: L::Mask,
+        emit: &mut dyn FnMut(u32, Candidate<L>, L::Mask),
+    ) {
+        use Shape::{Box, Capsule, Cylinder, Plane, Sphere};
+        match self.shapes {
+            (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) | (Capsule, Capsule) => {
+                in_lanes(self.shapes, a, b, L::splat(self.include), near, emit);
+            }
+            (Capsule, Box) => {
+                single::each(a, b, near, |a, b, points| capsule_box::capsule_box(a, b, self.include, points), emit)
+            }
+            (Box, Box) => single::each(a, b, near, |a, b, points| boxes::boxes(a, b, self.include, points), emit),
+            shapes => single::each(
+                a,
+                b,
+                near,
+                |a, b, points| single::convex(self.convex, shapes, (a, b), self.include, self.most, points),
+                emit,
+            ),
+        }
     }
 }
 
-/// Calls `emit` with number, geometry and mask of every contact that a pair of shapes may have.
-fn narrow<L: LaneQuery>(
+/// Pairs with a formula in lanes.
+fn in_lanes<L: LaneQuery>(
     shapes: (Shape, Shape),
     a: &Body<L>,
     b: &Body<L>,
