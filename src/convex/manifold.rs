@@ -95,13 +95,21 @@ struct Corner {
 }
 
 /// Adds the points of two flat features, `most` at most; false if the shapes touch otherwise or nothing is shared.
-pub(super) fn manifold(solids: &[Solid; 2], normal: DVec3, most: usize, add: &mut impl FnMut(f64, DVec3)) -> bool {
+///
+/// Their common normal is that of a face: of two, the one that separates more.
+pub(super) fn manifold(
+    solids: &[Solid; 2],
+    normal: DVec3,
+    most: usize,
+    add: &mut impl FnMut(f64, DVec3, DVec3),
+) -> bool {
     let (Some(first), Some(second)) = (feature(&solids[0], normal), feature(&solids[1], -normal)) else {
         return false;
     };
     if first.len < 3 && second.len < 3 {
         return false;
     }
+    let normal = snap(solids, [&first, &second], normal);
     let (u, v) = normal.any_orthonormal_pair();
     // An edge is clipped to a face; of two faces, the second to the first.
     let (base, other) = if first.len > 2 { (&first, &second) } else { (&second, &first) };
@@ -129,9 +137,22 @@ pub(super) fn manifold(solids: &[Solid; 2], normal: DVec3, most: usize, add: &mu
     let kept = spread(&corners[..outline.len], most.min(POINTS));
     for corner in kept.into_iter().flatten() {
         let middle = 0.5 * (lift(corner.at, heights[0]) + lift(corner.at, heights[1]));
-        add(corner.dist, u * corner.at.x + v * corner.at.y + normal * middle);
+        add(corner.dist, u * corner.at.x + v * corner.at.y + normal * middle, normal);
     }
     true
+}
+
+/// The normal of the features' faces along which the solids are farthest apart.
+fn snap(solids: &[Solid; 2], features: [&Feature; 2], normal: DVec3) -> DVec3 {
+    let mut best = (f64::NEG_INFINITY, normal);
+    for feature in features.into_iter().filter(|f| f.len > 2) {
+        let n = feature.normal(normal);
+        let apart = n.dot(solids[1].support(-n) - solids[0].support(n));
+        if apart > best.0 {
+            best = (apart, n);
+        }
+    }
+    best.1
 }
 
 /// The feature's plane n · p = d.

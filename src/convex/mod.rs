@@ -53,10 +53,10 @@ impl ConvexCollider for SupportCollider {
         if dist > include {
             return;
         }
-        let mut add = |dist: f64, at: DVec3| {
+        let mut add = |dist: f64, at: DVec3, normal: DVec3| {
             if dist <= include {
                 let pos = (at + origin).to_array();
-                points.push(Point { dist, pos, normal: nearest.normal.to_array() });
+                points.push(Point { dist, pos, normal: normal.to_array() });
             }
         };
         if most > 1 && manifold::manifold(&solids, nearest.normal, most, &mut add) {
@@ -64,7 +64,7 @@ impl ConvexCollider for SupportCollider {
         }
         let first = nearest.on[0] + nearest.normal * solids[0].radius;
         let second = nearest.on[1] - nearest.normal * solids[1].radius;
-        add(dist, (first + second) * 0.5);
+        add(dist, (first + second) * 0.5, nearest.normal);
     }
 }
 

@@ -18,6 +18,9 @@ const EDGES: usize = 3 * VERTICES;
 /// Accuracy of the depth, relative to the shapes' size.
 const TOLERANCE: f64 = 1e-11;
 
+/// Faces whose distances differ by less, relative to the shapes' size, may share the nearest point.
+const SAME: f64 = 1e-9;
+
 /// A triangle, its outward normal and signed distance from the origin.
 #[derive(Clone, Copy, Default)]
 struct Face {
@@ -54,19 +57,19 @@ pub(super) fn penetration(solids: &[Solid; 2], size: f64) -> Nearest {
         }
         best = polytope.least();
     }
-    let corners = best.corners.map(|i| polytope.vertices[usize::from(i)]);
-    let on = combine(&corners, &weights(&corners, best.normal * best.distance));
+    let on = polytope.points(&best, size);
     // The second solid leaves the first by moving against the normal of the face: the origin then reaches that face.
     Nearest { dist: -best.distance, normal: -best.normal, on }
 }
 
-/// Barycentric coordinates of a point of a triangle's plane, kept within the triangle.
-fn weights(corners: &[Vertex; 3], at: DVec3) -> [f64; 3] {
+/// The point of a triangle near `at`, a point of its plane: weights of the corners, and the distance from `at`.
+fn weights(corners: &[Vertex; 3], at: DVec3) -> ([f64; 3], f64) {
     let [a, b, c] = corners.map(|x| x.at - at);
     let normal = (b - a).cross(c - a);
     let w = [b.cross(c), c.cross(a), a.cross(b)].map(|x| x.dot(normal).max(0.0));
     let sum = w[0] + w[1] + w[2];
-    if sum > 0.0 { w.map(|x| x / sum) } else { [1.0, 0.0, 0.0] }
+    let w = if sum > 0.0 { w.map(|x| x / sum) } else { [1.0, 0.0, 0.0] };
+    (w, (a * w[0] + b * w[1] + c * w[2]).length())
 }
 
 impl Polytope {
@@ -115,6 +118,24 @@ impl Polytope {
             }
         }
         best
+    }
+
+    /// The solids' points that the nearest point of the boundary comes from. Faces that are as near as the nearest to within
+    /// the accuracy take part: of long thin ones, rounding may have put one first that the nearest point lies beside.
+    fn points(&self, best: &Face, size: f64) -> [DVec3; 2] {
+        let at = best.normal * best.distance;
+        let (mut on, mut least) = ([DVec3::ZERO; 2], f64::INFINITY);
+        for face in &self.faces[..self.nface] {
+            if face.distance > best.distance + SAME * size {
+                continue;
+            }
+            let corners = face.corners.map(|i| self.vertices[usize::from(i)]);
+            let (w, off) = weights(&corners, at);
+            if off < least {
+                (on, least) = (combine(&corners, &w), off);
+            }
+        }
+        on
     }
 
     /// Replaces the faces that the vertex is outside of by faces to the vertex; false if it cannot be done.
