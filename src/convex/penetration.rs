@@ -10,7 +10,7 @@ use super::Nearest;
 use super::support::{Solid, Vertex, combine, difference};
 
 /// Most vertices.
-const VERTICES: usize = 132;
+const VERTICES: usize = 224;
 /// Most faces: 2 V - 4 of a closed polytope, and some room.
 const FACES: usize = 2 * VERTICES;
 /// Most edges of the hole that a new vertex tears.
@@ -20,6 +20,9 @@ const TOLERANCE: f64 = 1e-11;
 
 /// Faces whose distances differ by less, relative to the shapes' size, may share the nearest point.
 const SAME: f64 = 1e-9;
+
+/// Height below which a triangle is a sliver, relative to the shapes' size.
+const SLIVER: f64 = 1e-12;
 
 /// A triangle, its outward normal and signed distance from the origin.
 #[derive(Clone, Copy, Default)]
@@ -48,11 +51,11 @@ pub(super) fn penetration(solids: &[Solid; 2], size: f64) -> Nearest {
         faces: [Face::default(); FACES],
         edges: [(0, 0); EDGES],
     };
-    polytope.start(solids);
+    polytope.start(solids, size);
     let mut best = polytope.least();
     while polytope.nvertex < VERTICES {
         let vertex = difference(solids, best.normal);
-        if best.normal.dot(vertex.at) - best.distance <= TOLERANCE * size || !polytope.expand(vertex, size) {
+        if best.normal.dot(vertex.at) - best.distance <= TOLERANCE * size || !polytope.expand(&best, vertex, size) {
             break;
         }
         best = polytope.least();
@@ -74,7 +77,7 @@ fn weights(corners: &[Vertex; 3], at: DVec3) -> ([f64; 3], f64) {
 
 impl Polytope {
     /// A tetrahedron of extreme points: along an axis, away from that line, away from that plane.
-    fn start(&mut self, solids: &[Solid; 2]) {
+    fn start(&mut self, solids: &[Solid; 2], size: f64) {
         let farther = |direction: DVec3, from: Vertex| {
             let (p, q) = (difference(solids, direction), difference(solids, -direction));
             let off = |x: &Vertex| (x.at - from.at).dot(direction).abs();
@@ -91,20 +94,24 @@ impl Polytope {
         let above = (d.at - a.at).dot(plane) > 0.0;
         for [i, j, k] in [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]] {
             // Corners anticlockwise, seen from outside.
-            self.add_face(if above { [i, k, j] } else { [i, j, k] });
+            self.add_face(if above { [i, k, j] } else { [i, j, k] }, size);
         }
     }
 
-    /// Adds a face; false if it has no area or no place.
-    fn add_face(&mut self, corners: [u16; 3]) -> bool {
+    /// Adds a face; false if there is no place. A sliver, whose normal would be noise, is kept for the sake of its
+    /// neighbours and never the nearest.
+    fn add_face(&mut self, corners: [u16; 3], size: f64) -> bool {
+        if self.nface == FACES {
+            return false;
+        }
         let [a, b, c] = corners.map(|i| self.vertices[usize::from(i)].at);
         let normal = (b - a).cross(c - a);
         let area = normal.length();
-        if area <= f64::MIN_POSITIVE || self.nface == FACES {
-            return false;
-        }
-        let normal = normal / area;
-        self.faces[self.nface] = Face { corners, normal, distance: normal.dot(a) };
+        let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+        let sliver = area <= SLIVER * size * longest;
+        let normal = if sliver { DVec3::ZERO } else { normal / area };
+        let distance = if sliver { f64::INFINITY } else { normal.dot(a) };
+        self.faces[self.nface] = Face { corners, normal, distance };
         self.nface += 1;
         true
     }
@@ -138,22 +145,24 @@ impl Polytope {
         on
     }
 
-    /// Replaces the faces that the vertex is outside of by faces to the vertex; false if it cannot be done.
-    fn expand(&mut self, vertex: Vertex, size: f64) -> bool {
+    /// Replaces the faces that the vertex is outside of by faces to the vertex; false if it cannot be done. They are sought
+    /// from the nearest face outwards, so that rounding cannot tear more than one hole.
+    fn expand(&mut self, nearest: &Face, vertex: Vertex, size: f64) -> bool {
         let slack = 1e-14 * size;
         self.nedge = 0;
+        let Some(first) = self.faces[..self.nface].iter().position(|f| f.corners == nearest.corners) else {
+            return false;
+        };
+        self.remove(first);
         let mut f = 0;
         while f < self.nface {
             let face = self.faces[f];
-            if face.normal.dot(vertex.at) - face.distance <= slack {
+            let outside = face.distance.is_infinite() || face.normal.dot(vertex.at) - face.distance > slack;
+            if outside && self.borders(&face) {
+                self.remove(f);
+                f = 0;
+            } else {
                 f += 1;
-                continue;
-            }
-            self.nface -= 1;
-            self.faces[f] = self.faces[self.nface];
-            let [i, j, k] = face.corners;
-            for edge in [(i, j), (j, k), (k, i)] {
-                self.toggle(edge);
             }
         }
         let new = self.nvertex as u16;
@@ -162,9 +171,25 @@ impl Polytope {
         let mut whole = self.nedge > 0;
         for e in 0..self.nedge {
             let (i, j) = self.edges[e];
-            whole &= self.add_face([i, j, new]);
+            whole &= self.add_face([i, j, new], size);
         }
         whole
+    }
+
+    /// Takes out a face and notes its edges.
+    fn remove(&mut self, f: usize) {
+        let [i, j, k] = self.faces[f].corners;
+        self.nface -= 1;
+        self.faces[f] = self.faces[self.nface];
+        for edge in [(i, j), (j, k), (k, i)] {
+            self.toggle(edge);
+        }
+    }
+
+    /// Whether a face has an edge on the rim of the hole.
+    fn borders(&self, face: &Face) -> bool {
+        let [i, j, k] = face.corners;
+        self.edges[..self.nedge].iter().any(|&edge| edge == (j, i) || edge == (k, j) || edge == (i, k))
     }
 
     /// Notes an edge of a removed face; the two of a pair of neighbours cancel.

@@ -150,14 +150,19 @@ pub fn collide<L: LaneQuery>(
     let mut count = L::zero();
     let mut overflow = L::Mask::splat(false);
     for (p, pair) in model.pairs.iter().enumerate() {
-        let (first, second) = bodies(model, position, colliders, pair);
-        let near = near(model, pair, &first, &second) & alive;
+        let geoms = [&model.geoms[pair.geom1 as usize], &model.geoms[pair.geom2 as usize]];
+        let centres = centres(model, position, colliders, pair);
+        let near = near(pair, geoms, colliders, &centres) & alive;
         if !L::any(near) {
             continue;
         }
+        // Orientations, sizes and the rest are fetched for the few pairs that are near.
+        let body =
+            |k: usize, g: u32| Body { pos: centres[k], rot: colliders.rot[g as usize], size: splat(&geoms[k].size) };
+        let (first, second) = (body(0, pair.geom1), body(1, pair.geom2));
         let include = L::splat(pair.include);
-        let narrow =
-            Narrow { shapes: shapes(model, pair), include: pair.include, most: pair.slots.len as usize, convex };
+        let shapes = (geoms[0].shape, geoms[1].shape);
+        let narrow = Narrow { shapes, include: pair.include, most: pair.slots.len as usize, convex };
         narrow.points::<L>(&first, &second, near, &mut |point, candidate, mask| {
             let mut exists = mask & candidate.dist.le(include);
             if may_overflow {
@@ -179,42 +184,40 @@ pub fn collide<L: LaneQuery>(
     overflow
 }
 
-fn shapes<T>(model: &Model<T>, pair: &Pair<T>) -> (Shape, Shape) {
-    (model.geoms[pair.geom1 as usize].shape, model.geoms[pair.geom2 as usize].shape)
-}
-
-/// The geoms of a pair, relative to the pair's reference point.
+/// The centres of a pair's geoms, relative to the pair's reference point.
 #[inline(always)]
-fn bodies<L: Lane>(
+fn centres<L: Lane>(
     model: &Model<L::Real>,
     position: &Position<L>,
     colliders: &Colliders<L>,
     pair: &Pair<L::Real>,
-) -> (Body<L>, Body<L>) {
+) -> [Vec3<L>; 2] {
     let reference = reference(pair);
     let tree = |link: u32| if link == NONE { NONE } else { model.links[link as usize].tree };
-    let body = |g: u32, link: u32| {
-        let geom: &Geom<L::Real> = &model.geoms[g as usize];
-        let mut pos = colliders.pos[g as usize];
-        if tree(link) != tree(reference) {
-            let shift = sub(&origin(model, position, link), &origin(model, position, reference));
-            pos = add(&pos, &shift);
+    let centre = |g: u32, link: u32| {
+        let pos = colliders.pos[g as usize];
+        if tree(link) == tree(reference) {
+            return pos;
         }
-        Body { pos, rot: colliders.rot[g as usize], size: splat(&geom.size) }
+        add(&pos, &sub(&origin(model, position, link), &origin(model, position, reference)))
     };
-    (body(pair.geom1, pair.link1), body(pair.geom2, pair.link2))
+    [centre(pair.geom1, pair.link1), centre(pair.geom2, pair.link2)]
 }
 
 /// Whether the bounding spheres of a pair, or a plane and a bounding sphere, are within reach.
 #[inline(always)]
-fn near<L: Lane>(model: &Model<L::Real>, pair: &Pair<L::Real>, first: &Body<L>, second: &Body<L>) -> L::Mask {
-    let (geom1, geom2) = (&model.geoms[pair.geom1 as usize], &model.geoms[pair.geom2 as usize]);
-    let between = sub(&second.pos, &first.pos);
-    let reach = L::splat(pair.include) + L::splat(geom2.rbound);
-    if geom1.shape == Shape::Plane {
-        return dot(&first.axis(), &between).le(reach);
+fn near<L: Lane>(
+    pair: &Pair<L::Real>,
+    [first, second]: [&Geom<L::Real>; 2],
+    colliders: &Colliders<L>,
+    centres: &[Vec3<L>; 2],
+) -> L::Mask {
+    let between = sub(&centres[1], &centres[0]);
+    let reach = L::splat(pair.include) + L::splat(second.rbound);
+    if first.shape == Shape::Plane {
+        return dot(&column(&colliders.rot[pair.geom1 as usize], 2), &between).le(reach);
     }
-    let reach = reach + L::splat(geom1.rbound);
+    let reach = reach + L::splat(first.rbound);
     dot(&between, &between).le(reach * reach)
 }
 
