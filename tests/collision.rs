@@ -277,7 +277,7 @@ fn models_of_convex_pairs_run() {
         let mut worlds = lanesim::worlds::Worlds::new(&model, 9, &Options::default()).unwrap();
         worlds.step(500).unwrap();
         for world in 0..9 {
-            assert!(worlds.status(world).is_empty(), "{}: {:?}", path.display(), worlds.status(world));
+            assert_eq!(worlds.status(world).unwrap(), Default::default(), "{}", path.display());
         }
     }
 }
