@@ -4,6 +4,7 @@
 mod support;
 
 use lanesim::Model;
+use lanesim::convex::SupportCollider;
 use lanesim_kernels::fields::FieldView;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::math::{ldl, spatial};
@@ -49,7 +50,7 @@ fn state<L: LaneQuery>(model: &Tables<L::Real>, worlds: &[World]) -> State<L> {
 /// One step, with everything that it leaves in the workspace. The energy is that of the state before.
 fn step<L: LaneQuery>(model: &Tables<L::Real>, state: &State<L>, ws: &mut Workspace<L>) {
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
-    let mut run = Run { applied: None, clock: None, max_contacts: 1024 };
+    let mut run = Run { applied: None, clock: None, max_contacts: 1024, convex: &SupportCollider };
     pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
     pipeline::energy(model, state, ws);
 }
