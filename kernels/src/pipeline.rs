@@ -109,8 +109,9 @@ pub fn forward<L: LaneQuery>(
     end(Stage::Constraint);
     passive::passive(model, &ws.position, &state.qpos, &state.qvel, &mut ws.passive);
     end(Stage::Passive);
+    // Lengths are there to be read even where actuation is off.
+    actuation::transmission(model, &state.qpos, &mut ws.actuation);
     if model.features.actuation {
-        actuation::transmission(model, &state.qpos, &mut ws.actuation);
         let bad = actuation::actuation(model, &state.ctrl, &state.qvel, &ws.passive, &mut ws.actuation);
         status.record(Status::BAD_CTRL, L::bits(bad & alive));
     }
@@ -203,7 +204,9 @@ fn commit<L: LaneQuery>(model: &Model<L::Real>, state: &mut State<L>, status: &m
     };
     replace(&mut state.qpos, &next.qpos);
     replace(&mut state.qvel, &next.qvel);
-    replace(&mut state.qacc_warmstart, qacc);
+    for (i, warm) in state.qacc_warmstart.iter_mut().enumerate() {
+        *warm = L::select(good, qacc[i] - ws.acceleration.qacc_smooth[i] + L::zero(), *warm);
+    }
     let time = state.time[0] + L::of(model.options.timestep);
     replace(&mut state.time, &[time]);
 }

@@ -9,8 +9,8 @@ pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, work: &mut SolverWork<L
     hessian::assemble(problem, work);
     let pattern = pattern(problem, &work.fill);
     let rows = &problem.model.rows;
-    let Solver { gradient, search, hessian, inverse, .. } = &mut work.fields;
-    ldl::factor(rows, pattern, hessian, inverse);
+    let Solver { gradient, search, hessian, inverse, multipliers, .. } = &mut work.fields;
+    ldl::factor(rows, pattern, hessian, inverse, multipliers);
     for (p, g) in search.iter_mut().zip(gradient.iter()) {
         *p = -*g;
     }

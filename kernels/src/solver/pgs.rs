@@ -38,7 +38,11 @@ pub fn solve<L: LaneQuery>(
 /// Forces of the warm start's acceleration where their dual cost is negative, else none.
 fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
     let constraint = problem.constraint;
-    rows::apply(problem, warmstart, &mut work.fields.twist, &mut work.y);
+    let warm = &mut work.fields.search;
+    for (warm, (smooth, change)) in warm.iter_mut().zip(problem.acceleration.qacc_smooth.iter().zip(warmstart)) {
+        *warm = *smooth + *change;
+    }
+    rows::apply(problem, warm, &mut work.fields.twist, &mut work.y);
     for (y, row) in work.y.dof.iter_mut().zip(&constraint.dof_rows) {
         *y += row.reference;
     }

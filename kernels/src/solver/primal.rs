@@ -10,7 +10,7 @@ use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::ldl;
 use crate::options;
 
-/// Iterates from `warmstart` or from the smooth acceleration, whichever costs less, until the lanes of `open` have
+/// Iterates from the smooth acceleration plus `warmstart`, or without it if that costs less, until the lanes of `open` have
 /// converged. Returns the lanes that reached the limit of iterations.
 pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,
@@ -48,22 +48,25 @@ pub fn solve<L: LaneQuery>(
 fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
     let Problem { model, inertia, constraint, acceleration, .. } = problem;
     let SolverWork { fields, y, jp, .. } = work;
-    let Solver { qacc, ma, twist, .. } = fields;
+    let Solver { qacc, ma, twist, search: warm, .. } = fields;
     let smooth = &acceleration.qacc_smooth;
+    for i in 0..warm.len() {
+        warm[i] = smooth[i] + warmstart[i];
+    }
     rows::apply(problem, smooth, twist, jp);
     add_reference(constraint, jp);
     let cold = rows::cost(constraint, jp);
-    rows::apply(problem, warmstart, twist, y);
+    rows::apply(problem, warm, twist, y);
     add_reference(constraint, y);
-    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warmstart, ma);
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warm, ma);
     let mut twice = L::zero();
     for i in 0..ma.len() {
-        twice = (warmstart[i] - smooth[i]).mul_add(ma[i] - acceleration.qfrc_smooth[i], twice);
+        twice = warmstart[i].mul_add(ma[i] - acceleration.qfrc_smooth[i], twice);
     }
-    let warm = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
-    let use_warm = if model.options.flags.warmstart { warm.lt(cold) } else { L::Mask::splat(false) };
+    let cost = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
+    let use_warm = if model.options.flags.warmstart { cost.lt(cold) } else { L::Mask::splat(false) };
     for i in 0..ma.len() {
-        qacc[i] = L::select(use_warm, warmstart[i], smooth[i]);
+        qacc[i] = L::select(use_warm, warm[i], smooth[i]);
         ma[i] = L::select(use_warm, ma[i], acceleration.qfrc_smooth[i]);
     }
     for (y, cold) in y.dof.iter_mut().zip(&jp.dof).chain(y.component.iter_mut().zip(&jp.component)) {
