@@ -402,3 +402,47 @@ impl Fnv {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use wide::f64x8;
+
+    use super::*;
+
+    /// A chain of hinges; `worlds` of it.
+    fn batch(worlds: usize) -> Batch<f64x8> {
+        let text =
+            "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='.3 0 0'/></body></worldbody></mujoco>";
+        let model = Model::from_xml_string(text, &Default::default()).expect("a model");
+        Batch::new(&model, worlds, Pool::new(Some(2)).expect("a pool"), 10, None).expect("a batch")
+    }
+
+    #[test]
+    fn a_panic_costs_its_block_only() {
+        let (mut whole, mut broken) = (batch(20), batch(20));
+        let run = Rollout { nstep: 5, ..Rollout::default() };
+        // Any kernel that reads a position now panics.
+        let good = std::mem::take(&mut broken.blocks[1].state.qpos);
+        whole.rollout(&run).expect("a rollout");
+        broken.rollout(&run).expect("a rollout, whatever its worlds do");
+        for world in 0..20 {
+            let status = broken.status(world);
+            if (8..16).contains(&world) {
+                assert_eq!(status.names(), ["CallbackFailed", "Frozen"]);
+                assert_eq!(broken.firsts(world).len(), 2);
+            } else {
+                assert_eq!(
+                    (status, broken.get(Field::Qpos, world)),
+                    (Status::default(), whole.get(Field::Qpos, world))
+                );
+            }
+        }
+        // The pool and the batch are as good as before.
+        broken.blocks[1].state.qpos = good;
+        let key = broken.crew.model.initial_key();
+        (8..16).for_each(|world| broken.reset(world, &key));
+        broken.rollout(&run).expect("a rollout");
+        assert_eq!(broken.get(Field::Qpos, 9), whole.get(Field::Qpos, 0));
+        assert_eq!(broken.status(9), Status::default());
+    }
+}
