@@ -12,6 +12,7 @@ use lanesim_kernels::state::{Applied, BlockStatus, Status, state_len};
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
+use crate::convex::SupportCollider;
 use crate::error::Error;
 use crate::memory;
 use crate::model::{Key, Model};
@@ -141,7 +142,8 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
     }
 
     fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>) -> Run<'a, L> {
-        Run { applied, clock: None, max_contacts: self.max_contacts, stages: plan.stages, residual: plan.residual }
+        let Plan { stages, residual } = *plan;
+        Run { applied, clock: None, max_contacts: self.max_contacts, convex: &SupportCollider, stages, residual }
     }
 
     fn progress(&self, rollout: &Rollout<'_>, job: &Job<'_, L>) {

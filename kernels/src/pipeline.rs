@@ -11,7 +11,6 @@ use crate::{
 };
 
 /// How the caller wants a block to be run.
-#[derive(Debug)]
 pub struct Run<'a, L> {
     /// Forces from outside, if there are any.
     pub applied: Option<&'a Applied<L>>,
@@ -19,6 +18,8 @@ pub struct Run<'a, L> {
     pub clock: Option<&'a mut StageClock>,
     /// Largest number of contacts of a world.
     pub max_contacts: usize,
+    /// Collider of the convex pairs without a formula.
+    pub convex: &'a dyn collision::ConvexCollider,
     /// The stages that are wanted. A step runs all that it needs anyway; no stage runs for which the model has nothing.
     pub stages: Stages,
     /// Whether the solver's residual is wanted.
@@ -49,7 +50,7 @@ pub fn forward<L: LaneQuery>(
         end(Stage::Inertia);
     }
     if runs(Stage::Collision) {
-        let overflow = collision::collide(model, &ws.position, alive, run.max_contacts, &mut ws.collision);
+        let overflow = collision::collide(model, &ws.position, alive, run.max_contacts, run.convex, &mut ws.collision);
         status.record(Status::CONTACT_OVERFLOW, L::bits(overflow & alive));
         end(Stage::Collision);
     }

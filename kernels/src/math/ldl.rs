@@ -8,6 +8,7 @@
 //! Eliminating with a wider pattern of the same matrix gives the same bits: its extra entries are exact zeros, and every
 //! entry sees the same subtractions in the same order.
 
+use super::vec3::build;
 use crate::lane::{Lane, Mask, Real};
 use crate::model::{Pattern, Rows};
 
@@ -94,7 +95,7 @@ impl<L: Lane> Update<'_, L> {
 
     #[inline(always)]
     fn chunk<const N: usize>(&self, target: &mut [L], column: usize) {
-        let mut sum: [L; N] = std::array::from_fn(|c| target[c]);
+        let mut sum: [L; N] = build(|c| target[c]);
         for (k, l) in self.below.iter().zip(self.multipliers) {
             let (start, first) = (self.rows.start[*k as usize] as usize, self.rows.first[*k as usize] as usize);
             if column >= first {
@@ -104,9 +105,11 @@ impl<L: Lane> Update<'_, L> {
                     sum[c] = l.neg_mul_add(source[c], sum[c]);
                 }
             } else {
-                // Columns left of the row's skyline are zero.
-                for c in first - column..N {
-                    sum[c] = l.neg_mul_add(self.finished[start + column + c - first - self.offset], sum[c]);
+                // Columns left of the row's skyline are zero. The loop has constant bounds, else `sum` would live in memory.
+                for c in 0..N {
+                    if column + c >= first {
+                        sum[c] = l.neg_mul_add(self.finished[start + column + c - first - self.offset], sum[c]);
+                    }
                 }
             }
         }

@@ -10,7 +10,7 @@ use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::spatial::Spatial;
 use crate::math::tree;
-use crate::math::vec3::scale_add;
+use crate::math::vec3::{build, scale_add};
 use crate::model::{DofKind, Model, NONE};
 
 /// A symmetric 6×6 matrix, lower triangle by rows.
@@ -74,35 +74,41 @@ fn stiffen_links<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], y: &[L], s
 /// stiffness += Wᵀ K W, W the components' motion rows.
 #[inline(always)]
 fn add_to_link<L: Lane>(k: &Stiffness<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
-    match k {
-        Stiffness::Arrow(normal, side, cross) => {
-            let mut sum: Spatial<L> = w[0].map(|x| *normal * x);
-            for j in 1..w.len() {
-                let (side, cross) = (side[j - 1], cross[j - 1]);
-                sum = scale_add(cross, &w[j], &sum);
-                let t: Spatial<L> = std::array::from_fn(|i| side.mul_add(w[j][i], cross * w[0][i]));
-                rank_one(&t, &w[j], stiffness);
-            }
-            rank_one(&sum, &w[0], stiffness);
-        }
-        Stiffness::Full(k) => {
-            for j in 0..w.len() {
-                let mut sum = [L::zero(); 6];
-                for i in 0..w.len() {
-                    sum = scale_add(k[i.max(j)][i.min(j)], &w[i], &sum);
-                }
-                rank_one(&sum, &w[j], stiffness);
-            }
-        }
+    match w.len() {
+        1 => add_components::<L, 1>(k, w, stiffness),
+        3 => add_components::<L, 3>(k, w, stiffness),
+        4 => add_components::<L, 4>(k, w, stiffness),
+        _ => add_components::<L, 6>(k, w, stiffness),
     }
 }
 
-/// s += lower triangle of a bᵀ.
 #[inline(always)]
-fn rank_one<L: Lane>(a: &Spatial<L>, b: &Spatial<L>, s: &mut Sym6<L>) {
+fn add_components<L: Lane, const N: usize>(k: &Stiffness<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
+    let w = &w[..N];
+    let mut t = [[L::zero(); 6]; N];
+    match k {
+        Stiffness::Arrow(normal, side, cross) => {
+            t[0] = w[0].map(|x| *normal * x);
+            for c in 1..N {
+                t[0] = scale_add(cross[c - 1], &w[c], &t[0]);
+                t[c] = build(|i| side[c - 1].mul_add(w[c][i], cross[c - 1] * w[0][i]));
+            }
+        }
+        Stiffness::Full(k) => {
+            for c in 0..N {
+                for d in 0..N {
+                    t[c] = scale_add(k[c.max(d)][c.min(d)], &w[d], &t[c]);
+                }
+            }
+        }
+    }
     for i in 0..6 {
         for j in 0..=i {
-            s[at(i, j)] = a[i].mul_add(b[j], s[at(i, j)]);
+            let mut sum = stiffness[at(i, j)];
+            for c in 0..N {
+                sum = t[c][i].mul_add(w[c][j], sum);
+            }
+            stiffness[at(i, j)] = sum;
         }
     }
 }
@@ -183,9 +189,9 @@ fn stiffness_times<L: Lane>(k: &Sym6<L>, kind: DofKind, s: &Spatial<L>) -> Spati
         sum
     };
     match kind {
-        DofKind::FreeTranslation(c) => std::array::from_fn(|r| k[at(r, 3 + c as usize)]),
-        DofKind::FreeRotation(_) => std::array::from_fn(|r| columns(r, 0, 3)),
-        DofKind::Slide => std::array::from_fn(|r| columns(r, 3, 6)),
-        DofKind::BallRotation(_) | DofKind::Hinge => std::array::from_fn(|r| columns(r, 0, 6)),
+        DofKind::FreeTranslation(c) => build(|r| k[at(r, 3 + c as usize)]),
+        DofKind::FreeRotation(_) => build(|r| columns(r, 0, 3)),
+        DofKind::Slide => build(|r| columns(r, 3, 6)),
+        DofKind::BallRotation(_) | DofKind::Hinge => build(|r| columns(r, 0, 6)),
     }
 }

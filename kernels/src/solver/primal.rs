@@ -22,6 +22,7 @@ pub fn solve<L: LaneQuery>(
     rows::forces(problem, work);
     let conjugate = problem.model.options.solver == options::Solver::Cg;
     let mut open = open & !converged(problem, &work.fields);
+    let mut landed = L::Mask::splat(false);
     let mut niter = L::zero();
     let mut rounds = 0;
     while L::any(open) && rounds < problem.model.options.iterations {
@@ -33,15 +34,34 @@ pub fn solve<L: LaneQuery>(
         }
         let full = advance(problem, open, work);
         rows::forces(problem, work);
-        open = open & !converged(problem, &work.fields);
         if !conjugate {
+            landed = landed | (open & full);
             open = open & !full;
         }
+        open = open & !converged(problem, &work.fields);
         rounds += 1;
+    }
+    if L::Real::EPSILON > 1e-10 && L::any(landed) {
+        refine(problem, landed, work);
     }
     work.statistics.niter = niter;
     work.statistics.block_niter = rounds;
     open
+}
+
+/// One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That
+/// is the factor at their solution for the lanes of `landed`, which took a full step within one quadratic piece.
+fn refine<L: Lane>(problem: &Problem<'_, L>, landed: L::Mask, work: &mut SolverWork<L>) {
+    newton::search(problem, work);
+    let Solver { qacc, search, twist, .. } = &mut work.fields;
+    rows::apply(problem, search, twist, &mut work.jp);
+    for (a, p) in qacc.iter_mut().zip(search.iter()) {
+        *a = L::select(landed, *a + *p, *a);
+    }
+    for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
+        *y = L::select(landed, *y + *v, *y);
+    }
+    rows::forces(problem, work);
 }
 
 /// Chooses the start: sets qacc, M qacc and y.
