@@ -131,6 +131,8 @@ pub struct SolverWork<L> {
     pub jp: RowVector<L>,
     /// Force: per dof row, and per contact component.
     pub force: RowVector<L>,
+    /// Forces for the residual; empty until one is asked for.
+    pub spare: RowVector<L>,
     /// One-sided rows, for the line search.
     pub edges: edges::Edges<L>,
     /// Force of each edge of the pyramidal contacts, contact by contact (dual solvers and the no-slip pass).
@@ -157,6 +159,7 @@ impl<L: LaneQuery> SolverWork<L> {
             y: RowVector::with_capacity(dof, component),
             jp: RowVector::with_capacity(dof, component),
             force: RowVector::with_capacity(dof, component),
+            spare: RowVector::with_capacity(0, 0),
             edges: edges::Edges::with_capacity(dof + 2 * component),
             edge_force: Vec::new(),
             dual: dual::Dual::new(model, dof, component),
