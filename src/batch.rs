@@ -124,16 +124,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         while job.done < rollout.nstep {
             let step = job.done;
             self.load_controls(rollout, step, job);
-            let before = job.block.status;
-            let Block { state, status, applied, .. } = &mut *job.block;
-            let mut run = self.run(plan, applied.as_deref());
-            run.clock = rollout.clock.then_some(&mut worker.clock);
-            pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
-            if job.block.status != before {
-                self.note(job.block, before, step, &worker.workspace);
-            }
-            if rollout.statistics {
-                worker.statistics.gather(&worker.workspace, before.alive);
+            // A block of which all worlds are frozen is passed over, unless somebody looks at it.
+            if job.block.status.alive != 0 || plan.derived {
+                self.step_block(rollout, plan, step, job.block, worker);
             }
             self.record(rollout, step, job, worker);
             job.done += 1;
@@ -141,8 +134,29 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         self.progress(rollout, job);
     }
 
+    fn step_block(
+        &self,
+        rollout: &Rollout<'_>,
+        plan: &Plan,
+        step: usize,
+        block: &mut Block<L>,
+        worker: &mut Worker<L>,
+    ) {
+        let before = block.status;
+        let Block { state, status, applied, .. } = block;
+        let mut run = self.run(plan, applied.as_deref());
+        run.clock = rollout.clock.then_some(&mut worker.clock);
+        pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
+        if block.status != before {
+            self.note(block, before, step, &worker.workspace);
+        }
+        if rollout.statistics {
+            worker.statistics.gather(&worker.workspace, before.alive);
+        }
+    }
+
     fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>) -> Run<'a, L> {
-        let Plan { stages, residual } = *plan;
+        let Plan { stages, residual, .. } = *plan;
         Run { applied, clock: None, max_contacts: self.max_contacts, convex: &SupportCollider, stages, residual }
     }
 

@@ -13,6 +13,8 @@ pub struct Plan {
     pub stages: Stages,
     /// Whether the solver's residual is wanted.
     pub residual: bool,
+    /// Whether any output comes from a stage, not from the state: then frozen worlds are computed, too.
+    pub derived: bool,
 }
 
 /// One line of a plan in words.
@@ -41,6 +43,7 @@ impl Plan {
                 .filter_map(Output::stage)
                 .fold(Stages::NONE, |stages, stage| stages | Stages::up_to(stage)),
             residual: outputs.iter().any(Output::needs_residual),
+            derived: outputs.iter().any(|output| output.stage().is_some()),
         }
     }
 

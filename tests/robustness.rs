@@ -179,6 +179,30 @@ fn an_error_names_the_first_world() {
 }
 
 #[test]
+fn frozen_worlds_are_the_same_in_any_company() {
+    let model = load("zoo/ant");
+    let names = ["qpos", "xpos", "qM", "ncon", "actuator_force", "status"];
+    let outputs = names.map(|name| Output::named(name).expect("an output"));
+    let record = |victims: &[usize], outputs: &[Output]| {
+        let mut worlds = batch(&model, OnDiverge::Freeze);
+        for world in victims {
+            worlds.set(Field::Qvel, *world, &[1e12; 14]).expect("a state");
+        }
+        let run = Rollout { nstep: 4, controls: Controls::Noise { seed: 2 }, outputs, ..Rollout::default() };
+        let result = worlds.rollout(&run).expect("a rollout");
+        assert_eq!(worlds.lost(), victims.len());
+        let share = |all: &Vec<f64>| all[VICTIM * all.len() / WORLDS..(VICTIM + 1) * all.len() / WORLDS].to_vec();
+        (result.outputs.iter().map(share).collect::<Vec<_>>(), bits(&worlds, VICTIM))
+    };
+    let everyone: Vec<usize> = (0..WORLDS).collect();
+    let alone = record(&[VICTIM], &outputs);
+    assert_eq!(record(&everyone, &outputs), alone);
+    // Without derived outputs the block is passed over.
+    let (recorded, state) = record(&everyone, &outputs[..1]);
+    assert_eq!((&recorded[0], state), (&alone.0[0], alone.1));
+}
+
+#[test]
 fn memory_that_nobody_has_is_an_error() {
     let model = load("zoo/ant");
     for nworld in [1 << 42, usize::MAX / 2, usize::MAX] {

@@ -37,6 +37,9 @@ impl<L: LaneQuery> Workspace<L> {
     /// no room.
     pub fn new(model: &Model<L::Real>) -> Self {
         let (sizes, none) = (&model.sizes, Sizes::default());
+        // The factor of the damped inertia is needed where damping is implicit.
+        let nm = if model.features.implicit_damping { sizes.nm } else { 0 };
+        let implicit = Sizes { nm, ..sizes.clone() };
         let if_present = |stage: Stage| if stage.present(model) { sizes } else { &none };
         Workspace {
             position: Position::new(sizes),
@@ -48,7 +51,7 @@ impl<L: LaneQuery> Workspace<L> {
             actuation: Actuation::new(if_present(Stage::Actuation)),
             acceleration: Acceleration::new(sizes),
             solver: SolverWork::new(model),
-            integration: Integration::new(sizes),
+            integration: Integration::new(&implicit),
             energy: Energy::new(sizes),
         }
     }
