@@ -204,7 +204,9 @@ fn commit<L: LaneQuery>(model: &Model<L::Real>, state: &mut State<L>, status: &m
     };
     replace(&mut state.qpos, &next.qpos);
     replace(&mut state.qvel, &next.qvel);
-    replace(&mut state.qacc_warmstart, qacc);
+    for (i, warm) in state.qacc_warmstart.iter_mut().enumerate() {
+        *warm = L::select(good, qacc[i] - ws.acceleration.qacc_smooth[i] + L::zero(), *warm);
+    }
     let time = state.time[0] + L::of(model.options.timestep);
     replace(&mut state.time, &[time]);
 }
