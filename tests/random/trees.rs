@@ -56,7 +56,7 @@ fn pivots(mut m: Vec<f64>, n: usize) -> Vec<f64> {
 }
 
 proptest! {
-    #![proptest_config(config(48))]
+    #![proptest_config(config(100))]
 
     #[test]
     fn inertia_is_symmetric_and_positive(recipe in tree()) {
