@@ -11,6 +11,7 @@ use lanesim_kernels::state::{Status, state_len};
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
+use crate::convex::SupportCollider;
 use crate::model::{Key, Model};
 use crate::noise;
 use crate::outputs::{Output, View};
@@ -82,6 +83,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
                 applied: job.block.applied.as_deref(),
                 clock: rollout.clock.then_some(clock),
                 max_contacts: self.max_contacts,
+                convex: &SupportCollider,
             };
             let alive = job.block.status.alive;
             pipeline::step(&self.tables, &mut job.block.state, &mut run, &mut job.block.status, workspace);
@@ -250,7 +252,12 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         for (b, block) in blocks.iter_mut().enumerate() {
             let worlds = L::WIDTH.min(self.nworld - b * L::WIDTH);
             block.pad(worlds);
-            let mut run = Run { applied: block.applied.as_deref(), clock: None, max_contacts: self.max_contacts };
+            let mut run = Run {
+                applied: block.applied.as_deref(),
+                clock: None,
+                max_contacts: self.max_contacts,
+                convex: &SupportCollider,
+            };
             pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, &mut worker.workspace);
             if outputs.iter().any(Output::needs_energy) {
                 pipeline::energy(&self.tables, &block.state, &mut worker.workspace);

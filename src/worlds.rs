@@ -118,7 +118,6 @@ pub struct Worlds {
 impl Worlds {
     /// `nworld` worlds in the reference configuration, at rest.
     pub fn new(model: &Model, nworld: usize, options: &Options) -> Result<Self, Error> {
-        model.check_forward()?;
         let pool = Pool::new(options.threads)?;
         let limit = options.max_contacts;
         let scalar = options.backend == Backend::Scalar;

@@ -8,15 +8,12 @@ use std::collections::BTreeMap;
 use lanesim::eval::eval;
 use lanesim::mjcf::LoadOptions;
 use lanesim::npz::{self, Array};
-use lanesim::{Backend, Model, Options, Precision, Worlds};
+use lanesim::{Backend, Model, Options, Precision};
 use support::golden::Failures;
 use support::{agree, options, repository};
 
 const CONES: [&str; 2] = ["pyramidal", "elliptic"];
 const DIMENSIONS: [u32; 4] = [1, 3, 4, 6];
-
-/// Scenes whose contacts are not built yet.
-const UNBUILT: [&str; 2] = ["box_box", "capsule_box"];
 
 /// A solver, set to go as far as its arithmetic allows, and how close it comes.
 struct Solver {
@@ -46,9 +43,8 @@ struct Case {
 }
 
 impl Case {
-    /// All scenes that are built, in all variants.
+    /// All scenes in all variants.
     fn all() -> Vec<Case> {
-        let built = scenes().into_iter().filter(|scene| !UNBUILT.contains(&scene.as_str()));
         let variants = |scene: String| {
             CONES.iter().flat_map(|cone| DIMENSIONS.map(|dim| (cone, dim))).map(move |(cone, dim)| {
                 let file = repository("tests/goldens/solver").join(format!("{scene}.npz"));
@@ -63,7 +59,7 @@ impl Case {
                 }
             })
         };
-        built.flat_map(variants).collect()
+        scenes().into_iter().flat_map(variants).collect()
     }
 
     /// The model with a solver's settings, and other options.
@@ -320,21 +316,10 @@ fn row_forces_of_unfinished_solvers_add_up() {
     failures.report();
 }
 
-/// Models with contacts that are not built yet are refused in words.
-#[test]
-fn what_is_not_built_says_so() {
-    for scene in UNBUILT {
-        let text = text(scene, "pyramidal", 3);
-        let model = Model::from_xml_string(&text, &LoadOptions::default()).unwrap_or_else(|e| panic!("{scene}: {e}"));
-        let message = Worlds::new(&model, 1, &Options::default()).err().map(|e| e.to_string()).unwrap_or_default();
-        assert!(message.contains("not built yet"), "{scene}: {message:?}; remove it from UNBUILT");
-    }
-}
-
 #[test]
 fn every_scene_is_recorded() {
     let cases = Case::all();
-    assert_eq!(cases.len(), (scenes().len() - UNBUILT.len()) * CONES.len() * DIMENSIONS.len());
+    assert_eq!(cases.len(), scenes().len() * CONES.len() * DIMENSIONS.len());
     for case in cases {
         assert!(case.states() >= 3 && case.own("nefc").iter().all(|n| n[0] > 0.0), "{}", case.scene);
     }

@@ -137,7 +137,7 @@ pub struct HeapRecipe {
 }
 
 fn piece() -> impl Strategy<Value = Piece> {
-    let body = (0_u8..3, prop::array::uniform3(0.06..0.15), triple(), prop::array::uniform4(number()), any::<bool>());
+    let body = (0_u8..6, prop::array::uniform3(0.06..0.15), triple(), prop::array::uniform4(number()), any::<bool>());
     let contact = (0.1..1.2, 0.001..0.1, 0.001..0.05, 0_usize..4);
     (body, contact).prop_map(|((shape, sizes, pos, quat, hinged), (slide, spin, roll, condim))| Piece {
         shape,
@@ -150,7 +150,7 @@ fn piece() -> impl Strategy<Value = Piece> {
     })
 }
 
-/// Heaps of one to five spheres, capsules and boxes, some of them hanging on the one before; any cone and dimension.
+/// Heaps of one to five bodies of any shape, some of them hanging on the one before; any cone and dimension.
 pub fn heap() -> impl Strategy<Value = HeapRecipe> {
     let pieces = prop::collection::vec(piece(), 1..=5);
     (pieces, any::<bool>(), 0.5..5.0, any::<bool>(), any::<u64>())
@@ -202,6 +202,8 @@ impl Piece {
         let (shape, size) = match self.shape {
             0 => (Shape::Sphere, [self.sizes[0], 0.0, 0.0]),
             1 => (Shape::Capsule, [self.sizes[0], self.sizes[1], 0.0]),
+            2 => (Shape::Ellipsoid, self.sizes),
+            3 => (Shape::Cylinder, [self.sizes[0], self.sizes[1], 0.0]),
             _ => (Shape::Box, self.sizes),
         };
         let geom = Geom {
@@ -210,9 +212,6 @@ impl Piece {
             friction: self.friction,
             condim: [1, 3, 4, 6][self.condim],
             mass: GeomMass::Density(600.0),
-            // Contacts of boxes with capsules and with boxes are not built yet.
-            contype: if shape == Shape::Box { 2 } else { 1 },
-            conaffinity: [3, 1, 0][self.shape as usize],
             ..Geom::default()
         };
         let frictionloss = if dry { 0.05 } else { 0.0 };
