@@ -1,22 +1,27 @@
 //! The engine behind [`Worlds`](crate::Worlds): blocks of one lane type, and the workers that take them through steps.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lanesim_kernels::constraint::{Cone, DofRowKind};
+use lanesim_kernels::diagnosis;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::Model as KernelModel;
 use lanesim_kernels::pipeline::{self, Run, StageClock};
-use lanesim_kernels::state::{Status, state_len};
+use lanesim_kernels::state::{Applied, BlockStatus, Status, state_len};
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
 use crate::convex::SupportCollider;
+use crate::error::Error;
+use crate::memory;
 use crate::model::{Key, Model};
 use crate::noise;
-use crate::outputs::{Output, View};
+use crate::outputs::{Buffers, Output, View};
+use crate::plan::Plan;
 use crate::pool::Pool;
 use crate::rollout::{Controls, Rollout, Statistics, Trajectories};
+use crate::status::First;
 use crate::worlds::{Field, Tables};
 
 /// What [`Worlds`](crate::Worlds) needs of a batch, whatever its lane type.
@@ -27,20 +32,30 @@ pub(crate) trait Engine: Send {
     fn set(&mut self, field: Field, world: usize, values: &[f64]);
     fn get(&self, field: Field, world: usize) -> Vec<f64>;
     fn status(&self, world: usize) -> Status;
+    fn firsts(&self, world: usize) -> Vec<First>;
     fn reset(&mut self, world: usize, key: &Key);
-    fn rollout(&mut self, rollout: &Rollout<'_>) -> Trajectories;
+    fn rollout(&mut self, rollout: &Rollout<'_>) -> Result<Trajectories, Error>;
     fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>));
     fn state_hash(&self) -> u64;
     fn memory(&self) -> (usize, usize);
 }
 
-/// Blocks of lane type `L`, one workspace per worker.
+/// Blocks of lane type `L`, and who takes them through steps.
 pub(crate) struct Batch<L: LaneQuery> {
+    blocks: Vec<Block<L>>,
+    crew: Crew<L>,
+}
+
+/// Workers, one workspace each, and what they need to know.
+struct Crew<L: LaneQuery> {
     model: Model,
     tables: Arc<KernelModel<L::Real>>,
     nworld: usize,
     max_contacts: usize,
-    blocks: Vec<Block<L>>,
+    /// Where diverged worlds start again; `None`: they stay frozen.
+    restart: Option<Key>,
+    /// Steps taken since the batch was made.
+    steps: u64,
     pool: Pool,
     workers: Vec<Mutex<Worker<L>>>,
 }
@@ -50,6 +65,18 @@ struct Worker<L> {
     workspace: Workspace<L>,
     statistics: Statistics,
     clock: StageClock,
+    buffers: Buffers,
+}
+
+impl<L: LaneQuery> Worker<L> {
+    fn new(tables: &KernelModel<L::Real>) -> Self {
+        Worker {
+            workspace: Workspace::new(tables),
+            statistics: Statistics::default(),
+            clock: StageClock::default(),
+            buffers: Buffers::default(),
+        }
+    }
 }
 
 /// A block with its share of the outputs: `rows[o]` holds the block's worlds' rows of output `o`.
@@ -58,42 +85,113 @@ struct Job<'a, L> {
     worlds: usize,
     block: &'a mut Block<L>,
     rows: Vec<&'a mut [f64]>,
+    /// Steps taken.
+    done: usize,
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
-    pub fn new(model: &Model, nworld: usize, pool: Pool, max_contacts: usize) -> Self {
+    /// `nworld` worlds; those that diverge start again from `restart`, if it is given.
+    pub fn new(
+        model: &Model,
+        nworld: usize,
+        pool: Pool,
+        max_contacts: usize,
+        restart: Option<Key>,
+    ) -> Result<Self, Error> {
         let tables = L::Real::tables(model).clone();
-        let blocks =
-            (0..nworld.div_ceil(L::WIDTH)).map(|b| Block::new(&tables, L::WIDTH.min(nworld - b * L::WIDTH))).collect();
-        let workers = (0..pool.threads())
-            .map(|_| {
-                let workspace = Workspace::new(&tables);
-                Mutex::new(Worker { workspace, statistics: Statistics::default(), clock: StageClock::default() })
-            })
-            .collect();
-        Batch { model: model.clone(), tables, nworld, max_contacts, blocks, pool, workers }
+        let count = nworld.div_ceil(L::WIDTH);
+        memory::ask("the worlds", &[count, Self::block_bytes(&tables)])?;
+        let mut blocks = Vec::new();
+        let refused = |_| Error::Memory { what: "the worlds", bytes: count.checked_mul(size_of::<Block<L>>()) };
+        blocks.try_reserve_exact(count).map_err(refused)?;
+        blocks.extend((0..count).map(|b| Block::new(&tables, L::WIDTH.min(nworld - b * L::WIDTH))));
+        let workers = (0..pool.threads()).map(|_| Mutex::new(Worker::new(&tables))).collect();
+        let model = model.clone();
+        Ok(Batch { blocks, crew: Crew { model, tables, nworld, max_contacts, restart, steps: 0, pool, workers } })
     }
 
+    /// Bytes of a block without forces from outside.
+    fn block_bytes(tables: &KernelModel<L::Real>) -> usize {
+        // Six vectors' allocations beside the block itself.
+        state_len::<L>(&tables.sizes) * size_of::<L>() + size_of::<Block<L>>() + 6 * 16
+    }
+}
+
+impl<L: LaneQuery<Real: Tables>> Crew<L> {
     /// Takes one block through all steps of a rollout.
-    fn run_block(&self, rollout: &Rollout<'_>, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
-        for step in 0..rollout.nstep {
+    fn run_block(&self, rollout: &Rollout<'_>, plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+        self.check_state(job.block);
+        while job.done < rollout.nstep {
+            let step = job.done;
             self.load_controls(rollout, step, job);
-            let Worker { workspace, statistics, clock } = worker;
-            let mut run = Run {
-                applied: job.block.applied.as_deref(),
-                clock: rollout.clock.then_some(clock),
-                max_contacts: self.max_contacts,
-                convex: &SupportCollider,
-            };
-            let alive = job.block.status.alive;
-            pipeline::step(&self.tables, &mut job.block.state, &mut run, &mut job.block.status, workspace);
-            if rollout.statistics {
-                gather(workspace, alive, statistics);
+            // A block of which all worlds are frozen is passed over, unless somebody looks at it.
+            if job.block.status.alive != 0 || plan.derived {
+                self.step_block(rollout, plan, step, job.block, worker);
             }
-            self.record(rollout, step, job, workspace);
+            self.record(rollout, step, job, worker);
+            job.done += 1;
         }
+        self.progress(rollout, job);
+    }
+
+    fn step_block(
+        &self,
+        rollout: &Rollout<'_>,
+        plan: &Plan,
+        step: usize,
+        block: &mut Block<L>,
+        worker: &mut Worker<L>,
+    ) {
+        let before = block.status;
+        let Block { state, status, applied, .. } = block;
+        let mut run = self.run(plan, applied.as_deref());
+        run.clock = rollout.clock.then_some(&mut worker.clock);
+        pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
+        if block.status != before {
+            self.note(block, before, step, &worker.workspace);
+        }
+        if rollout.statistics {
+            worker.statistics.gather(&worker.workspace, before.alive);
+        }
+    }
+
+    fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>) -> Run<'a, L> {
+        let Plan { stages, residual, .. } = *plan;
+        Run { applied, clock: None, max_contacts: self.max_contacts, convex: &SupportCollider, stages, residual }
+    }
+
+    fn progress(&self, rollout: &Rollout<'_>, job: &Job<'_, L>) {
         if let Some(progress) = rollout.progress {
             progress.fetch_add((rollout.nstep * job.worlds) as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// Flags what a state from outside should not have. A step leaves no such state.
+    fn check_state(&self, block: &mut Block<L>) {
+        let before = block.status;
+        diagnosis::check_quaternions(&self.tables, &block.state, &mut block.status);
+        if block.status != before {
+            block.note(&before, self.steps, &|block, status, lane| {
+                diagnosis::quaternion_element(&self.tables, &block.state, status, lane)
+            });
+        }
+    }
+
+    /// Keeps what happened in a step, and starts worlds again that diverged, if that is the policy.
+    #[cold]
+    fn note(&self, block: &mut Block<L>, mut before: BlockStatus, step: usize, workspace: &Workspace<L>) {
+        let mut lost = before.alive & !block.status.alive;
+        if self.restart.is_some() {
+            // A world that starts again is not frozen.
+            before.record(Status::FROZEN, lost);
+        }
+        block.note(&before, self.steps + step as u64, &|block, status, lane| {
+            diagnosis::element(&self.tables, &block.state, workspace, status, lane)
+        });
+        let Some(key) = &self.restart else { return };
+        while lost != 0 {
+            block.restart(&self.tables.sizes, lost.trailing_zeros() as usize, key);
+            lost &= lost - 1;
         }
     }
 
@@ -122,59 +220,26 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         }
     }
 
-    fn record(&self, rollout: &Rollout<'_>, step: usize, job: &mut Job<'_, L>, workspace: &mut Workspace<L>) {
-        if rollout.outputs.is_empty() {
-            return;
-        }
-        if rollout.outputs.iter().any(Output::needs_energy) {
-            pipeline::energy(&self.tables, &job.block.state, workspace);
-        }
+    fn record(&self, rollout: &Rollout<'_>, step: usize, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+        let Worker { workspace, buffers, .. } = worker;
         let view = View { model: &self.model, tables: &self.tables, block: job.block, workspace };
         for (output, rows) in rollout.outputs.iter().zip(&mut job.rows) {
             let width = rows.len() / (job.worlds * rollout.nstep);
             for lane in 0..job.worlds {
                 let at = (lane * rollout.nstep + step) * width;
-                output.write(&view, lane, &mut rows[at..at + width]);
+                output.write(&view, lane, buffers, &mut rows[at..at + width]);
             }
         }
     }
 }
 
-/// Adds a step's counts to the statistics.
-fn gather<L: LaneQuery>(workspace: &Workspace<L>, alive: u32, statistics: &mut Statistics) {
-    let worlds = f64::from(alive.count_ones());
-    let count = |mask: L::Mask| f64::from((L::bits(mask) & alive).count_ones());
-    statistics.world_steps += worlds;
-    statistics.block_steps += 1.0;
-    statistics.slots += workspace.collision.contacts.len() as f64 * worlds;
-    for contact in &workspace.collision.contacts {
-        statistics.contacts += count(contact.dist.lt(L::of(L::Real::MAXVAL)));
-    }
-    for row in &workspace.constraint.dof_rows {
-        let acts = row.kind == DofRowKind::Friction;
-        statistics.rows += if acts { worlds } else { count(row.d.gt(L::zero())) };
-    }
-    for row in &workspace.constraint.contact_rows {
-        let rows = match row.cone {
-            Cone::Ray | Cone::Ellipse => row.dim,
-            Cone::Pyramid => 2 * (row.dim - 1),
-        };
-        statistics.rows += f64::from(rows) * count(row.d.gt(L::zero()));
-    }
-    let solver = &workspace.solver.statistics;
-    statistics.block_iterations += f64::from(solver.block_niter);
-    for lane in (0..L::WIDTH).filter(|lane| alive >> lane & 1 != 0) {
-        statistics.iterations += solver.niter.get(lane).to_f64();
-    }
-}
-
 impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     fn nworld(&self) -> usize {
-        self.nworld
+        self.crew.nworld
     }
 
     fn threads(&self) -> usize {
-        self.pool.threads()
+        self.crew.pool.threads()
     }
 
     fn lanes(&self) -> (usize, &'static str) {
@@ -183,31 +248,41 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
 
     fn set(&mut self, field: Field, world: usize, values: &[f64]) {
         let block = &mut self.blocks[world / L::WIDTH];
-        block.set(field, &self.tables.sizes, world % L::WIDTH, values);
+        block.set(field, &self.crew.tables.sizes, world % L::WIDTH, values);
     }
 
     fn get(&self, field: Field, world: usize) -> Vec<f64> {
-        self.blocks[world / L::WIDTH].read(field, &self.model, world % L::WIDTH)
+        let mut out = Vec::new();
+        self.blocks[world / L::WIDTH].read(field, &self.crew.tables.sizes, world % L::WIDTH, &mut out);
+        out
     }
 
     fn status(&self, world: usize) -> Status {
         self.blocks[world / L::WIDTH].status.lane(world % L::WIDTH)
     }
 
-    fn reset(&mut self, world: usize, key: &Key) {
-        self.blocks[world / L::WIDTH].reset(&self.tables.sizes, world % L::WIDTH, key);
+    fn firsts(&self, world: usize) -> Vec<First> {
+        let firsts = &self.blocks[world / L::WIDTH].firsts;
+        firsts.iter().filter(|first| first.lane == world % L::WIDTH).copied().collect()
     }
 
-    fn rollout(&mut self, rollout: &Rollout<'_>) -> Trajectories {
-        let widths: Vec<usize> = rollout.outputs.iter().map(|output| output.width(&self.model).unwrap_or(0)).collect();
-        let mut outputs: Vec<Vec<f64>> =
-            widths.iter().map(|width| vec![0.0; self.nworld * rollout.nstep * width]).collect();
-        let mut blocks = std::mem::take(&mut self.blocks);
+    fn reset(&mut self, world: usize, key: &Key) {
+        self.blocks[world / L::WIDTH].reset(&self.crew.tables.sizes, world % L::WIDTH, key);
+    }
+
+    fn rollout(&mut self, rollout: &Rollout<'_>) -> Result<Trajectories, Error> {
+        let Batch { blocks, crew } = self;
+        let width = |output: &Output| output.width(&crew.model).unwrap_or(0);
+        let widths: Vec<usize> = rollout.outputs.iter().map(width).collect();
+        let zeros = |width: &usize| memory::zeros("the outputs", &[crew.nworld, rollout.nstep, *width]);
+        let mut outputs = widths.iter().map(zeros).collect::<Result<Vec<_>, _>>()?;
+        let mut plan = Plan::step(rollout.outputs);
+        plan.residual |= rollout.statistics;
         {
             let mut shares: Vec<_> = outputs.iter_mut().map(Vec::as_mut_slice).collect();
             let jobs = blocks.iter_mut().enumerate().map(|(b, block)| {
                 let first_world = b * L::WIDTH;
-                let worlds = L::WIDTH.min(self.nworld - first_world);
+                let worlds = L::WIDTH.min(crew.nworld - first_world);
                 block.pad(worlds);
                 let rows = shares
                     .iter_mut()
@@ -218,23 +293,84 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
                         mine
                     })
                     .collect();
-                Job { first_world, worlds, block, rows }
+                Job { first_world, worlds, block, rows, done: 0 }
             });
-            let queue = Mutex::new(jobs);
-            let this = &*self;
-            this.pool.run(|thread| {
-                let mut worker = this.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
-                worker.statistics = Statistics::default();
-                worker.clock = StageClock::default();
-                loop {
-                    // A statement of its own: the queue is locked only while the next block is taken.
-                    let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
-                    let Some(mut job) = next else { break };
-                    this.run_block(rollout, &mut job, &mut worker);
-                }
-            });
+            crew.run_all(rollout, &plan, jobs);
         }
-        self.blocks = blocks;
+        crew.steps += rollout.nstep as u64;
+        Ok(crew.collect(outputs))
+    }
+
+    fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
+        let Batch { blocks, crew } = self;
+        let plan = Plan::forward(outputs);
+        let mut worker = crew.workers[0].lock().unwrap_or_else(PoisonError::into_inner);
+        let Worker { workspace, buffers, .. } = &mut *worker;
+        for (b, block) in blocks.iter_mut().enumerate() {
+            let worlds = L::WIDTH.min(crew.nworld - b * L::WIDTH);
+            block.pad(worlds);
+            crew.check_state(block);
+            let before = block.status;
+            let mut run = crew.run(&plan, block.applied.as_deref());
+            pipeline::forward(&crew.tables, &block.state, &mut run, &mut block.status, workspace);
+            if block.status != before {
+                crew.note(block, before, 0, workspace);
+            }
+            let view = View { model: &crew.model, tables: &crew.tables, block, workspace };
+            for lane in 0..worlds {
+                let values = outputs.iter().map(|output| output.values(&view, lane, buffers)).collect();
+                sink(b * L::WIDTH + lane, values);
+            }
+        }
+    }
+
+    fn state_hash(&self) -> u64 {
+        let mut hash = Fnv::default();
+        for world in 0..self.crew.nworld {
+            let state = &self.blocks[world / L::WIDTH].state;
+            for x in state.qpos.iter().chain(&state.qvel) {
+                hash.add(x.get(world % L::WIDTH).bits());
+            }
+        }
+        hash.0
+    }
+
+    fn memory(&self) -> (usize, usize) {
+        (Self::block_bytes(&self.crew.tables) / L::WIDTH, self.crew.scratch())
+    }
+}
+
+impl<L: LaneQuery<Real: Tables>> Crew<L> {
+    /// Lets the workers take job after job until none is left.
+    fn run_all<'a>(&self, rollout: &Rollout<'_>, plan: &Plan, jobs: impl Iterator<Item = Job<'a, L>> + Send) {
+        let queue = Mutex::new(jobs);
+        self.pool.run(|thread| {
+            let mut worker = self.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            worker.statistics = Statistics::default();
+            worker.clock = StageClock::default();
+            loop {
+                // A statement of its own: the queue is locked only while the next block is taken.
+                let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let Some(mut job) = next else { break };
+                self.run_guarded(rollout, plan, &mut job, &mut worker);
+            }
+        });
+    }
+
+    /// A panic while a block is run costs that block's worlds, nothing else: they are frozen and flagged, and the
+    /// workspace, which may hold anything now, is made anew.
+    fn run_guarded(&self, rollout: &Rollout<'_>, plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+        let run = AssertUnwindSafe(|| self.run_block(rollout, plan, job, worker));
+        if catch_unwind(run).is_err() {
+            job.block.fail(self.steps + job.done as u64);
+            worker.workspace = Workspace::new(&self.tables);
+            worker.buffers = Buffers::default();
+            self.progress(rollout, job);
+        }
+    }
+
+    /// The outputs with what the workers counted.
+    fn collect(&self, outputs: Vec<Vec<f64>>) -> Trajectories {
         let mut result = Trajectories { outputs, ..Trajectories::default() };
         for worker in &self.workers {
             let worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
@@ -246,52 +382,6 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         result
     }
 
-    fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
-        let mut blocks = std::mem::take(&mut self.blocks);
-        let mut worker = self.workers[0].lock().unwrap_or_else(PoisonError::into_inner);
-        for (b, block) in blocks.iter_mut().enumerate() {
-            let worlds = L::WIDTH.min(self.nworld - b * L::WIDTH);
-            block.pad(worlds);
-            let mut run = Run {
-                applied: block.applied.as_deref(),
-                clock: None,
-                max_contacts: self.max_contacts,
-                convex: &SupportCollider,
-            };
-            pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, &mut worker.workspace);
-            if outputs.iter().any(Output::needs_energy) {
-                pipeline::energy(&self.tables, &block.state, &mut worker.workspace);
-            }
-            let view = View { model: &self.model, tables: &self.tables, block, workspace: &worker.workspace };
-            for lane in 0..worlds {
-                sink(b * L::WIDTH + lane, outputs.iter().map(|output| output.values(&view, lane)).collect());
-            }
-        }
-        drop(worker);
-        self.blocks = blocks;
-    }
-
-    fn state_hash(&self) -> u64 {
-        let mut hash = Fnv::default();
-        for world in 0..self.nworld {
-            let state = &self.blocks[world / L::WIDTH].state;
-            for x in state.qpos.iter().chain(&state.qvel) {
-                hash.add(x.get(world % L::WIDTH).bits());
-            }
-        }
-        hash.0
-    }
-
-    fn memory(&self) -> (usize, usize) {
-        let lane = size_of::<L>() / L::WIDTH;
-        let state = state_len::<L>(&self.tables.sizes) * lane;
-        // Six vectors' allocations beside the block itself.
-        let block = (size_of::<Block<L>>() + 6 * 16) / L::WIDTH;
-        (state + block, self.scratch())
-    }
-}
-
-impl<L: LaneQuery<Real: Tables>> Batch<L> {
     /// Bytes of one workspace.
     fn scratch(&self) -> usize {
         let mut worker = self.workers[0].lock().unwrap_or_else(PoisonError::into_inner);
@@ -326,5 +416,49 @@ impl Fnv {
         for byte in word.to_le_bytes() {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wide::f64x8;
+
+    use super::*;
+
+    /// A chain of hinges; `worlds` of it.
+    fn batch(worlds: usize) -> Batch<f64x8> {
+        let text =
+            "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='.3 0 0'/></body></worldbody></mujoco>";
+        let model = Model::from_xml_string(text, &Default::default()).expect("a model");
+        Batch::new(&model, worlds, Pool::new(Some(2)).expect("a pool"), 10, None).expect("a batch")
+    }
+
+    #[test]
+    fn a_panic_costs_its_block_only() {
+        let (mut whole, mut broken) = (batch(20), batch(20));
+        let run = Rollout { nstep: 5, ..Rollout::default() };
+        // Any kernel that reads a position now panics.
+        let good = std::mem::take(&mut broken.blocks[1].state.qpos);
+        whole.rollout(&run).expect("a rollout");
+        broken.rollout(&run).expect("a rollout, whatever its worlds do");
+        for world in 0..20 {
+            let status = broken.status(world);
+            if (8..16).contains(&world) {
+                assert_eq!(status.names(), ["CallbackFailed", "Frozen"]);
+                assert_eq!(broken.firsts(world).len(), 2);
+            } else {
+                assert_eq!(
+                    (status, broken.get(Field::Qpos, world)),
+                    (Status::default(), whole.get(Field::Qpos, world))
+                );
+            }
+        }
+        // The pool and the batch are as good as before.
+        broken.blocks[1].state.qpos = good;
+        let key = broken.crew.model.initial_key();
+        (8..16).for_each(|world| broken.reset(world, &key));
+        broken.rollout(&run).expect("a rollout");
+        assert_eq!(broken.get(Field::Qpos, 9), whole.get(Field::Qpos, 0));
+        assert_eq!(broken.status(9), Status::default());
     }
 }

@@ -33,6 +33,20 @@ struct Contact {
     row: Option<usize>,
 }
 
+/// Number of contacts of the world.
+pub(super) fn count<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize {
+    view.workspace.collision.contacts.iter().filter(|c| c.dist.get(lane).to_f64() < L::Real::MAXVAL).count()
+}
+
+/// Number of constraint rows of the world.
+pub(super) fn count_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize {
+    let constraint = &view.workspace.constraint;
+    let acts = |d: &L| d.get(lane).to_f64() > 0.0;
+    let contacts = constraint.contact_rows.iter().filter(|row| acts(&row.d)).map(|row| row.rows() as usize);
+    constraint.dof_rows.iter().filter(|row| acts(&row.d)).count() + contacts.sum::<usize>()
+}
+
+/// An output with one entry per contact or row.
 pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) -> Vec<f64> {
     let mut contacts = listed(view, lane);
     let rows = rows(view, lane, &mut contacts);
@@ -41,8 +55,6 @@ pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) 
     let pair = |c: &Contact| &view.tables.pairs[collision.slots[c.index].pair as usize];
     let of_contacts = |f: &dyn Fn(&Contact) -> Vec<f64>| contacts.iter().flat_map(f).collect();
     match kind {
-        Kind::Ncon => vec![contacts.len() as f64],
-        Kind::Nefc => vec![rows.len() as f64],
         Kind::ContactGeom => of_contacts(&|c| {
             [pair(c).geom1, pair(c).geom2].map(|g| f64::from(view.tables.geoms[g as usize].id)).to_vec()
         }),

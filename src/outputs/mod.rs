@@ -5,8 +5,10 @@ mod frames;
 
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::Model as KernelModel;
+use lanesim_kernels::stage::Stage;
 use lanesim_kernels::workspace::Workspace;
 
+use self::frames::Poses;
 use crate::block::Block;
 use crate::error::Error;
 use crate::model::Model;
@@ -18,6 +20,13 @@ pub(crate) struct View<'a, L: LaneQuery> {
     pub tables: &'a KernelModel<L::Real>,
     pub block: &'a Block<L>,
     pub workspace: &'a Workspace<L>,
+}
+
+/// What outputs are made in, kept from world to world.
+#[derive(Debug, Default)]
+pub(crate) struct Buffers {
+    row: Vec<f64>,
+    poses: Poses,
 }
 
 /// What an output is.
@@ -55,6 +64,7 @@ enum Kind {
     Qacc,
     Energy,
     SolverNiter,
+    SolverResidual,
     Ncon,
     Nefc,
     ContactGeom,
@@ -77,7 +87,7 @@ enum Kind {
 }
 
 /// Names, and one line each of what they are.
-const TABLE: [(&str, Kind, &str); 59] = [
+const TABLE: [(&str, Kind, &str); 60] = [
     ("time", Kind::State(Field::Time), "time, s"),
     ("qpos", Kind::State(Field::Qpos), "positions"),
     ("qvel", Kind::State(Field::Qvel), "velocities"),
@@ -118,6 +128,7 @@ const TABLE: [(&str, Kind, &str); 59] = [
     ("qacc", Kind::Qacc, "acceleration"),
     ("energy", Kind::Energy, "potential and kinetic energy, J"),
     ("solver_niter", Kind::SolverNiter, "solver iterations"),
+    ("solver_residual", Kind::SolverResidual, "gradient of the solver's cost at qacc, over mean inertia and nv"),
     ("ncon", Kind::Ncon, "number of contacts"),
     ("nefc", Kind::Nefc, "number of constraint rows"),
     ("contact_geom", Kind::ContactGeom, "geoms of contacts"),
@@ -174,9 +185,58 @@ impl Output {
         )
     }
 
-    /// Whether the energy stage must run.
-    pub(crate) fn needs_energy(&self) -> bool {
-        self.kind == Kind::Energy
+    /// The stage that computes it; `None` for the state itself.
+    pub(crate) fn stage(&self) -> Option<Stage> {
+        use Kind::{
+            ActuatorForce, ActuatorLength, ActuatorVelocity, Cdof, ContactDim, ContactDist, ContactFrame,
+            ContactFriction, ContactGeom, ContactMargin, ContactPos, EfcForce, Energy, GeomXmat, GeomXpos, GeomXquat,
+            Ncon, QM, Qacc, QaccSmooth, QfrcActuator, QfrcBias, QfrcConstraint, QfrcGravcomp, QfrcPassive, QfrcSmooth,
+            SiteXmat, SiteXpos, SiteXquat, SolverNiter, SolverResidual, State, Status, SubtreeCom, Ximat, Xipos, Xmat,
+            Xpos, Xquat, Xvel,
+        };
+        Some(match self.kind {
+            State(_) => return None,
+            Xpos
+            | Xquat
+            | Xmat
+            | Xipos
+            | Ximat
+            | SubtreeCom
+            | GeomXpos
+            | GeomXquat
+            | GeomXmat
+            | SiteXpos
+            | SiteXquat
+            | SiteXmat
+            | Kind::Xanchor
+            | Kind::Xaxis
+            | Cdof => Stage::Position,
+            QM => Stage::Inertia,
+            Ncon | ContactGeom | ContactDim | ContactDist | ContactPos | ContactFrame | ContactFriction
+            | ContactMargin => Stage::Collision,
+            Xvel | QfrcBias => Stage::Velocity,
+            Energy => Stage::Energy,
+            Kind::Nefc
+            | Kind::ContactEfc
+            | Kind::EfcType
+            | Kind::EfcId
+            | Kind::EfcJ
+            | Kind::EfcPos
+            | Kind::EfcMargin
+            | Kind::EfcD
+            | Kind::EfcR
+            | Kind::EfcAref => Stage::Constraint,
+            QfrcPassive | QfrcGravcomp => Stage::Passive,
+            ActuatorLength | ActuatorVelocity | ActuatorForce | QfrcActuator => Stage::Actuation,
+            QfrcSmooth | QaccSmooth => Stage::Acceleration,
+            // What a forward run flags, it flags anywhere up to the solver.
+            QfrcConstraint | Qacc | SolverNiter | SolverResidual | EfcForce | Status => Stage::Solver,
+        })
+    }
+
+    /// Whether it needs the solver's residual.
+    pub(crate) fn needs_residual(&self) -> bool {
+        self.kind == Kind::SolverResidual
     }
 
     /// Shape per world; `None` where the first dimension, of which this is the rest, differs between worlds.
@@ -186,7 +246,12 @@ impl Output {
         let ragged = |shape: &[usize]| (false, shape.to_vec());
         match self.kind {
             Kind::State(Field::XfrcApplied) => fixed(&[s.nbody, 6]),
-            Kind::State(Field::Time) | Kind::Status | Kind::SolverNiter | Kind::Ncon | Kind::Nefc => fixed(&[]),
+            Kind::State(Field::Time)
+            | Kind::Status
+            | Kind::SolverNiter
+            | Kind::SolverResidual
+            | Kind::Ncon
+            | Kind::Nefc => fixed(&[]),
             Kind::State(field) => fixed(&[field.len(model)]),
             Kind::Xpos | Kind::Xipos | Kind::SubtreeCom => fixed(&[s.nbody, 3]),
             Kind::Xquat => fixed(&[s.nbody, 4]),
@@ -237,52 +302,71 @@ impl Output {
         fixed.then(|| shape.iter().product())
     }
 
-    /// Writes a world's numbers to `out`.
-    pub(crate) fn write<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, out: &mut [f64]) {
-        for (to, from) in out.iter_mut().zip(self.values(view, lane)) {
-            *to = from;
+    /// Writes a world's numbers to `out`. Allocates nothing once the buffers have grown.
+    pub(crate) fn write<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, buffers: &mut Buffers, out: &mut [f64]) {
+        let Buffers { row, poses } = buffers;
+        row.clear();
+        self.extend(view, lane, poses, row);
+        for (to, from) in out.iter_mut().zip(row) {
+            *to = *from;
         }
     }
 
     /// A world's numbers.
-    pub(crate) fn values<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize) -> Vec<f64> {
+    pub(crate) fn values<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, buffers: &mut Buffers) -> Vec<f64> {
+        let mut out = Vec::new();
+        self.extend(view, lane, &mut buffers.poses, &mut out);
+        out
+    }
+
+    /// Appends a world's numbers to `out`.
+    fn extend<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, poses: &mut Poses, out: &mut Vec<f64>) {
         let ws = view.workspace;
-        let read = |lanes: &[L]| lanes.iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
         let placements = view.model.placements();
+        let (nv, nu) = (view.tables.sizes.nv, view.tables.sizes.nu);
+        // A stage that the model does not have keeps no numbers: they are zero.
+        let read = |lanes: &[L], n: usize, out: &mut Vec<f64>| {
+            let end = out.len() + n;
+            out.extend(lanes.iter().map(|x| number(x, lane)));
+            out.resize(end, 0.0);
+        };
         match self.kind {
-            Kind::State(field) => view.block.read(field, view.model, lane),
-            Kind::Status => vec![f64::from(view.block.status.lane(lane).0)],
-            Kind::Xpos => frames::positions(view, lane, &placements.bodies),
-            Kind::Xquat => frames::quaternions(view, lane, &placements.bodies),
-            Kind::Xmat => frames::matrices(view, lane, &placements.bodies),
-            Kind::Xipos => frames::positions(view, lane, &placements.inertials),
-            Kind::Ximat => frames::matrices(view, lane, &placements.inertials),
-            Kind::SubtreeCom => frames::subtree_com(view, lane).into_flattened(),
-            Kind::GeomXpos => frames::positions(view, lane, &placements.geoms),
-            Kind::GeomXquat => frames::quaternions(view, lane, &placements.geoms),
-            Kind::GeomXmat => frames::matrices(view, lane, &placements.geoms),
-            Kind::SiteXpos => frames::positions(view, lane, &placements.sites),
-            Kind::SiteXquat => frames::quaternions(view, lane, &placements.sites),
-            Kind::SiteXmat => frames::matrices(view, lane, &placements.sites),
-            Kind::Xanchor => frames::anchors(view, lane),
-            Kind::Xaxis => frames::axes(view, lane),
-            Kind::Cdof => frames::cdof(view, lane),
-            Kind::Xvel => frames::velocities(view, lane),
-            Kind::ActuatorLength => read(&ws.actuation.length),
-            Kind::ActuatorVelocity => read(&ws.actuation.velocity),
-            Kind::ActuatorForce => read(&ws.actuation.force),
-            Kind::QfrcActuator => read(&ws.actuation.qfrc_actuator),
-            Kind::QM => dense_inertia(view, lane),
-            Kind::QfrcBias => read(&ws.velocity.qfrc_bias),
-            Kind::QfrcPassive => read(&ws.passive.qfrc_passive),
-            Kind::QfrcGravcomp => read(&ws.passive.qfrc_gravcomp),
-            Kind::QfrcSmooth => read(&ws.acceleration.qfrc_smooth),
-            Kind::QaccSmooth => read(&ws.acceleration.qacc_smooth),
-            Kind::QfrcConstraint => read(&ws.solver.fields.qfrc_constraint),
-            Kind::Qacc => read(&ws.solver.fields.qacc),
-            Kind::Energy => vec![number(&ws.energy.potential[0], lane), number(&ws.energy.kinetic[0], lane)],
-            Kind::SolverNiter => vec![number(&ws.solver.statistics.niter, lane)],
-            _ => contacts::values(self.kind, view, lane),
+            Kind::State(field) => view.block.read(field, &view.tables.sizes, lane, out),
+            Kind::Status => out.push(f64::from(view.block.status.lane(lane).0)),
+            Kind::Xpos => frames::positions(view, lane, &placements.bodies, out),
+            Kind::Xquat => frames::quaternions(view, lane, &placements.bodies, poses, out),
+            Kind::Xmat => frames::matrices(view, lane, &placements.bodies, out),
+            Kind::Xipos => frames::positions(view, lane, &placements.inertials, out),
+            Kind::Ximat => frames::matrices(view, lane, &placements.inertials, out),
+            Kind::SubtreeCom => out.extend(frames::subtree_com(view, lane, poses).iter().flat_map(|x| x.to_array())),
+            Kind::GeomXpos => frames::positions(view, lane, &placements.geoms, out),
+            Kind::GeomXquat => frames::quaternions(view, lane, &placements.geoms, poses, out),
+            Kind::GeomXmat => frames::matrices(view, lane, &placements.geoms, out),
+            Kind::SiteXpos => frames::positions(view, lane, &placements.sites, out),
+            Kind::SiteXquat => frames::quaternions(view, lane, &placements.sites, poses, out),
+            Kind::SiteXmat => frames::matrices(view, lane, &placements.sites, out),
+            Kind::Xanchor => frames::anchors(view, lane, out),
+            Kind::Xaxis => frames::axes(view, lane, out),
+            Kind::Cdof => frames::cdof(view, lane, poses, out),
+            Kind::Xvel => frames::velocities(view, lane, out),
+            Kind::ActuatorLength => read(&ws.actuation.length, nu, out),
+            Kind::ActuatorVelocity => read(&ws.actuation.velocity, nu, out),
+            Kind::ActuatorForce => read(&ws.actuation.force, nu, out),
+            Kind::QfrcActuator => read(&ws.actuation.qfrc_actuator, nv, out),
+            Kind::QM => dense_inertia(view, lane, out),
+            Kind::QfrcBias => read(&ws.velocity.qfrc_bias, nv, out),
+            Kind::QfrcPassive => read(&ws.passive.qfrc_passive, nv, out),
+            Kind::QfrcGravcomp => read(&ws.passive.qfrc_gravcomp, nv, out),
+            Kind::QfrcSmooth => read(&ws.acceleration.qfrc_smooth, nv, out),
+            Kind::QaccSmooth => read(&ws.acceleration.qacc_smooth, nv, out),
+            Kind::QfrcConstraint => read(&ws.solver.fields.qfrc_constraint, nv, out),
+            Kind::Qacc => read(&ws.solver.fields.qacc, nv, out),
+            Kind::Energy => out.extend([&ws.energy.potential[0], &ws.energy.kinetic[0]].map(|x| number(x, lane))),
+            Kind::SolverNiter => out.push(number(&ws.solver.statistics.niter, lane)),
+            Kind::SolverResidual => out.push(number(&ws.solver.statistics.residual, lane)),
+            Kind::Ncon => out.push(contacts::count(view, lane) as f64),
+            Kind::Nefc => out.push(contacts::count_rows(view, lane) as f64),
+            _ => out.extend(contacts::values(self.kind, view, lane)),
         }
     }
 }
@@ -292,10 +376,12 @@ fn number<L: LaneQuery>(x: &L, lane: usize) -> f64 {
     x.get(lane).to_f64() + 0.0
 }
 
-/// The inertia matrix as nv × nv numbers.
-fn dense_inertia<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
+/// Appends the inertia matrix as nv × nv numbers.
+fn dense_inertia<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
     let nv = view.tables.sizes.nv;
-    let mut out = vec![0.0; nv * nv];
+    let start = out.len();
+    out.resize(start + nv * nv, 0.0);
+    let out = &mut out[start..];
     for i in 0..nv {
         let columns = view.tables.tree_pattern.row(i).iter().flat_map(|run| run.range()).chain([i]);
         for j in columns {
@@ -304,5 +390,4 @@ fn dense_inertia<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
             out[j * nv + i] = x;
         }
     }
-    out
 }

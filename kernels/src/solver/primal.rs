@@ -95,7 +95,7 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
 }
 
 /// y = J x becomes J x - a_ref.
-fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut super::RowVector<L>) {
+pub(super) fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut super::RowVector<L>) {
     for (y, row) in y.dof.iter_mut().zip(&constraint.dof_rows) {
         *y += row.reference;
     }
