@@ -16,6 +16,7 @@ use crate::noise;
 use crate::outputs::{Output, View};
 use crate::pool::Pool;
 use crate::rollout::{Controls, Rollout, Statistics, Trajectories};
+use crate::rows::{Rows, Strided};
 use crate::worlds::{Field, Tables};
 
 /// What [`Worlds`](crate::Worlds) needs of a batch, whatever its lane type.
@@ -26,8 +27,11 @@ pub(crate) trait Engine: Send {
     fn set(&mut self, field: Field, world: usize, values: &[f64]);
     fn get(&self, field: Field, world: usize) -> Vec<f64>;
     fn status(&self, world: usize) -> Status;
+    fn set_status(&mut self, world: usize, status: Status);
     fn reset(&mut self, world: usize, key: &Key);
-    fn rollout(&mut self, rollout: &Rollout<'_>) -> Trajectories;
+    fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>);
+    fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>);
+    fn rollout_into(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
     fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>));
     fn state_hash(&self) -> u64;
     fn memory(&self) -> (usize, usize);
@@ -40,7 +44,7 @@ pub(crate) struct Batch<L: LaneQuery> {
     nworld: usize,
     max_contacts: usize,
     blocks: Vec<Block<L>>,
-    pool: Pool,
+    pool: Arc<Pool>,
     workers: Vec<Mutex<Worker<L>>>,
 }
 
@@ -56,11 +60,11 @@ struct Job<'a, L> {
     first_world: usize,
     worlds: usize,
     block: &'a mut Block<L>,
-    rows: Vec<&'a mut [f64]>,
+    rows: Vec<Rows<'a>>,
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
-    pub fn new(model: &Model, nworld: usize, pool: Pool, max_contacts: usize) -> Self {
+    pub fn new(model: &Model, nworld: usize, pool: Arc<Pool>, max_contacts: usize) -> Self {
         let tables = L::Real::tables(model).clone();
         let blocks =
             (0..nworld.div_ceil(L::WIDTH)).map(|b| Block::new(&tables, L::WIDTH.min(nworld - b * L::WIDTH))).collect();
@@ -73,9 +77,42 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         Batch { model: model.clone(), tables, nworld, max_contacts, blocks, pool, workers }
     }
 
+    /// Does `work` for every block, on all workers. Each of `rows` is an array of equally many entries per world; a block
+    /// gets those of its worlds.
+    fn spread(&mut self, mut rows: Vec<Rows<'_>>, work: impl Fn(&Self, &mut Job<'_, L>, &mut Worker<L>) + Sync) {
+        if self.nworld == 0 {
+            return;
+        }
+        let widths: Vec<usize> = rows.iter().map(|rows| rows.len() / self.nworld).collect();
+        let mut blocks = std::mem::take(&mut self.blocks);
+        let jobs = blocks.iter_mut().enumerate().map(|(b, block)| {
+            let first_world = b * L::WIDTH;
+            let worlds = L::WIDTH.min(self.nworld - first_world);
+            block.pad(worlds);
+            let rows = rows.iter_mut().zip(&widths).map(|(rows, width)| rows.take(worlds * width)).collect();
+            Job { first_world, worlds, block, rows }
+        });
+        let queue = Mutex::new(jobs);
+        let this = &*self;
+        this.pool.run(|thread| {
+            let mut worker = this.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            loop {
+                // A statement of its own: the queue is locked only while the next block is taken.
+                let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let Some(mut job) = next else { break };
+                work(this, &mut job, &mut worker);
+            }
+        });
+        drop(queue);
+        self.blocks = blocks;
+    }
+
     /// Takes one block through all steps of a rollout.
     fn run_block(&self, rollout: &Rollout<'_>, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
         for step in 0..rollout.nstep {
+            if rollout.cancelled() {
+                return;
+            }
             self.load_controls(rollout, step, job);
             let Worker { workspace, statistics, clock } = worker;
             let mut run = Run {
@@ -107,6 +144,13 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
                     }
                 }
             }
+            Controls::Strided { values, world, step: stride } => {
+                let ctrl = &mut job.block.state.ctrl;
+                for lane in 0..job.worlds {
+                    let row = (job.first_world + lane) * world + step * stride;
+                    values.for_each(row..row + nu, |i, x| ctrl[i].set(lane, L::Real::from_f64(x)));
+                }
+            }
             Controls::Noise { seed } => {
                 for (a, u) in job.block.state.ctrl.iter_mut().enumerate() {
                     let [low, high] = self.model.control_range(a);
@@ -131,8 +175,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         for (output, rows) in rollout.outputs.iter().zip(&mut job.rows) {
             let width = rows.len() / (job.worlds * rollout.nstep);
             for lane in 0..job.worlds {
-                let at = (lane * rollout.nstep + step) * width;
-                output.write(&view, lane, &mut rows[at..at + width]);
+                output.write(&view, lane, rows, (lane * rollout.nstep + step) * width);
             }
         }
     }
@@ -196,44 +239,50 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         self.blocks[world / L::WIDTH].reset(&self.tables.sizes, world % L::WIDTH, key);
     }
 
-    fn rollout(&mut self, rollout: &Rollout<'_>) -> Trajectories {
-        let widths: Vec<usize> = rollout.outputs.iter().map(|output| output.width(&self.model).unwrap_or(0)).collect();
-        let mut outputs: Vec<Vec<f64>> =
-            widths.iter().map(|width| vec![0.0; self.nworld * rollout.nstep * width]).collect();
-        let mut blocks = std::mem::take(&mut self.blocks);
-        {
-            let mut shares: Vec<_> = outputs.iter_mut().map(Vec::as_mut_slice).collect();
-            let jobs = blocks.iter_mut().enumerate().map(|(b, block)| {
-                let first_world = b * L::WIDTH;
-                let worlds = L::WIDTH.min(self.nworld - first_world);
-                block.pad(worlds);
-                let rows = shares
-                    .iter_mut()
-                    .zip(&widths)
-                    .map(|(share, width)| {
-                        let (mine, rest) = std::mem::take(share).split_at_mut(worlds * rollout.nstep * width);
-                        *share = rest;
-                        mine
-                    })
-                    .collect();
-                Job { first_world, worlds, block, rows }
-            });
-            let queue = Mutex::new(jobs);
-            let this = &*self;
-            this.pool.run(|thread| {
-                let mut worker = this.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
-                worker.statistics = Statistics::default();
-                worker.clock = StageClock::default();
-                loop {
-                    // A statement of its own: the queue is locked only while the next block is taken.
-                    let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
-                    let Some(mut job) = next else { break };
-                    this.run_block(rollout, &mut job, &mut worker);
+    fn set_status(&mut self, world: usize, status: Status) {
+        self.blocks[world / L::WIDTH].status.set_lane(world % L::WIDTH, status);
+    }
+
+    fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>) {
+        self.spread(Vec::new(), |this, job, _| {
+            for lane in 0..job.worlds {
+                let world = job.first_world + lane;
+                if mask.is_none_or(|mask| mask[world]) {
+                    job.block.set_row(field, &this.tables.sizes, lane, rows, world);
                 }
-            });
+            }
+        });
+    }
+
+    fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>) {
+        let derived = outputs.is_empty() || outputs.iter().any(Output::is_derived);
+        let energy = outputs.iter().any(Output::needs_energy);
+        self.spread(rows, |this, job, worker| {
+            let ws = &mut worker.workspace;
+            if derived {
+                let applied = job.block.applied.as_deref();
+                let mut run = Run { applied, clock: None, max_contacts: this.max_contacts };
+                pipeline::forward(&this.tables, &job.block.state, &mut run, &mut job.block.status, ws);
+            }
+            if energy {
+                pipeline::energy(&this.tables, &job.block.state, ws);
+            }
+            let view = View { model: &this.model, tables: &this.tables, block: job.block, workspace: ws };
+            for (output, rows) in outputs.iter().zip(&mut job.rows) {
+                let width = rows.len() / job.worlds;
+                (0..job.worlds).for_each(|lane| output.write(&view, lane, rows, lane * width));
+            }
+        });
+    }
+
+    fn rollout_into(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories {
+        for worker in &self.workers {
+            let mut worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
+            worker.statistics = Statistics::default();
+            worker.clock = StageClock::default();
         }
-        self.blocks = blocks;
-        let mut result = Trajectories { outputs, ..Trajectories::default() };
+        self.spread(rows, |this, job, worker| this.run_block(rollout, job, worker));
+        let mut result = Trajectories::default();
         for worker in &self.workers {
             let worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
             result.statistics.add(&worker.statistics);

@@ -4,6 +4,7 @@ use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model, Sizes};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
+use crate::rows::Strided;
 use crate::worlds::Field;
 
 /// Worlds side by side.
@@ -55,22 +56,33 @@ impl<L: LaneQuery> Block<L> {
         }
     }
 
+    /// The field's entries; none where no forces from outside were ever set.
+    pub fn entries(&self, field: Field) -> Option<&[L]> {
+        let (state, applied) = (&self.state, self.applied.as_deref());
+        match field {
+            Field::Time => Some(&state.time),
+            Field::Qpos => Some(&state.qpos),
+            Field::Qvel => Some(&state.qvel),
+            Field::Act => Some(&state.act),
+            Field::Ctrl => Some(&state.ctrl),
+            Field::QaccWarmstart => Some(&state.qacc_warmstart),
+            Field::QfrcApplied => applied.map(|forces| forces.qfrc_applied.as_slice()),
+            Field::XfrcApplied => applied.map(|forces| forces.xfrc_applied.as_flattened()),
+        }
+    }
+
     /// A field of one lane.
     pub fn read(&self, field: Field, model: &crate::Model, lane: usize) -> Vec<f64> {
-        let state = &self.state;
-        let numbers = |lanes: &[L]| lanes.iter().map(|x| x.get(lane).to_f64()).collect();
-        let none = || vec![0.0; field.len(model)];
-        match (field, &self.applied) {
-            (Field::Time, _) => numbers(&state.time),
-            (Field::Qpos, _) => numbers(&state.qpos),
-            (Field::Qvel, _) => numbers(&state.qvel),
-            (Field::Act, _) => numbers(&state.act),
-            (Field::Ctrl, _) => numbers(&state.ctrl),
-            (Field::QaccWarmstart, _) => numbers(&state.qacc_warmstart),
-            (Field::QfrcApplied, Some(applied)) => numbers(&applied.qfrc_applied),
-            (Field::XfrcApplied, Some(applied)) => numbers(applied.xfrc_applied.as_flattened()),
-            (Field::QfrcApplied | Field::XfrcApplied, None) => none(),
+        match self.entries(field) {
+            Some(entries) => entries.iter().map(|x| x.get(lane).to_f64()).collect(),
+            None => vec![0.0; field.len(model)],
         }
+    }
+
+    /// Sets a field of one lane from a world's row.
+    pub fn set_row(&mut self, field: Field, sizes: &Sizes, lane: usize, rows: &Strided<'_>, world: usize) {
+        let entries = self.lanes(field, sizes);
+        rows.row(world, entries.len(), |i, x| entries[i].set(lane, L::Real::from_f64(x)));
     }
 
     /// Resets one lane: positions as given, the rest as given or zero, warm start, forces and status cleared.

@@ -17,6 +17,9 @@ pub enum Error {
     /// An option is out of range.
     #[error("{0}")]
     Options(String),
+    /// The caller stopped a run before its end.
+    #[error("stopped before the end")]
+    Cancelled,
     /// No output, field or key of that name.
     #[error("{0}")]
     Unknown(String),

@@ -13,6 +13,7 @@ pub mod npz;
 pub mod outputs;
 pub mod pool;
 pub mod rollout;
+pub mod rows;
 pub mod spec;
 pub mod worlds;
 

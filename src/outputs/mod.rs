@@ -10,6 +10,7 @@ use lanesim_kernels::workspace::Workspace;
 use crate::block::Block;
 use crate::error::Error;
 use crate::model::Model;
+use crate::rows::Rows;
 use crate::worlds::Field;
 
 /// A world's stages, for outputs.
@@ -24,6 +25,7 @@ pub(crate) struct View<'a, L: LaneQuery> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     State(Field),
+    FullPhysics,
     Status,
     Xpos,
     Xquat,
@@ -77,7 +79,7 @@ enum Kind {
 }
 
 /// Names, and one line each of what they are.
-const TABLE: [(&str, Kind, &str); 59] = [
+const TABLE: [(&str, Kind, &str); 60] = [
     ("time", Kind::State(Field::Time), "time, s"),
     ("qpos", Kind::State(Field::Qpos), "positions"),
     ("qvel", Kind::State(Field::Qvel), "velocities"),
@@ -86,6 +88,7 @@ const TABLE: [(&str, Kind, &str); 59] = [
     ("qacc_warmstart", Kind::State(Field::QaccWarmstart), "start of the solver"),
     ("qfrc_applied", Kind::State(Field::QfrcApplied), "generalised forces from outside"),
     ("xfrc_applied", Kind::State(Field::XfrcApplied), "forces and torques on bodies from outside"),
+    ("state", Kind::FullPhysics, "time, qpos, qvel and act in one row"),
     ("status", Kind::Status, "status bits"),
     ("xpos", Kind::Xpos, "positions of body frames, m"),
     ("xquat", Kind::Xquat, "orientations of body frames"),
@@ -188,6 +191,7 @@ impl Output {
             Kind::State(Field::XfrcApplied) => fixed(&[s.nbody, 6]),
             Kind::State(Field::Time) | Kind::Status | Kind::SolverNiter | Kind::Ncon | Kind::Nefc => fixed(&[]),
             Kind::State(field) => fixed(&[field.len(model)]),
+            Kind::FullPhysics => fixed(&[1 + s.nq + s.nv + s.na]),
             Kind::Xpos | Kind::Xipos | Kind::SubtreeCom => fixed(&[s.nbody, 3]),
             Kind::Xquat => fixed(&[s.nbody, 4]),
             Kind::Xmat | Kind::Ximat => fixed(&[s.nbody, 9]),
@@ -231,16 +235,30 @@ impl Output {
         }
     }
 
+    /// Whether the stages up to the acceleration must run for it.
+    pub fn is_derived(&self) -> bool {
+        !matches!(self.kind, Kind::State(_) | Kind::FullPhysics | Kind::Status)
+    }
+
     /// Numbers per world, if all worlds have the same number.
     pub fn width(&self, model: &Model) -> Option<usize> {
         let (fixed, shape) = self.shape(model);
         fixed.then(|| shape.iter().product())
     }
 
-    /// Writes a world's numbers to `out`.
-    pub(crate) fn write<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, out: &mut [f64]) {
-        for (to, from) in out.iter_mut().zip(self.values(view, lane)) {
-            *to = from;
+    /// Writes a world's numbers to `out`, from entry `at` on.
+    pub(crate) fn write<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, out: &mut Rows<'_>, at: usize) {
+        let state = &view.block.state;
+        match self.kind {
+            Kind::State(field) => match view.block.entries(field) {
+                Some(entries) => out.write(at, entries.iter().map(|x| x.get(lane).to_f64())),
+                None => out.write(at, std::iter::repeat_n(0.0, field.len(view.model))),
+            },
+            Kind::FullPhysics => {
+                let parts = state.time.iter().chain(&state.qpos).chain(&state.qvel).chain(&state.act);
+                out.write(at, parts.map(|x| x.get(lane).to_f64()));
+            }
+            _ => out.write(at, self.values(view, lane).into_iter()),
         }
     }
 
@@ -251,6 +269,10 @@ impl Output {
         let placements = view.model.placements();
         match self.kind {
             Kind::State(field) => view.block.read(field, view.model, lane),
+            Kind::FullPhysics => {
+                let fields = [Field::Time, Field::Qpos, Field::Qvel, Field::Act];
+                fields.into_iter().flat_map(|field| view.block.read(field, view.model, lane)).collect()
+            }
             Kind::Status => vec![f64::from(view.block.status.lane(lane).0)],
             Kind::Xpos => frames::positions(view, lane, &placements.bodies),
             Kind::Xquat => frames::quaternions(view, lane, &placements.bodies),
