@@ -11,6 +11,7 @@ use lanesim_kernels::state::{Status, state_len};
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
+use crate::convex::SupportCollider;
 use crate::model::{Key, Model};
 use crate::noise;
 use crate::outputs::{Output, View};
@@ -32,7 +33,6 @@ pub(crate) trait Engine: Send {
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>);
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>);
     fn rollout_into(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
-    fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>));
     fn state_hash(&self) -> u64;
     fn memory(&self) -> (usize, usize);
 }
@@ -119,6 +119,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
                 applied: job.block.applied.as_deref(),
                 clock: rollout.clock.then_some(clock),
                 max_contacts: self.max_contacts,
+                convex: &SupportCollider,
             };
             let alive = job.block.status.alive;
             pipeline::step(&self.tables, &mut job.block.state, &mut run, &mut job.block.status, workspace);
@@ -261,7 +262,7 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
             let ws = &mut worker.workspace;
             if derived {
                 let applied = job.block.applied.as_deref();
-                let mut run = Run { applied, clock: None, max_contacts: this.max_contacts };
+                let mut run = Run { applied, clock: None, max_contacts: this.max_contacts, convex: &SupportCollider };
                 pipeline::forward(&this.tables, &job.block.state, &mut run, &mut job.block.status, ws);
             }
             if energy {
@@ -291,26 +292,6 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
             }
         }
         result
-    }
-
-    fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
-        let mut blocks = std::mem::take(&mut self.blocks);
-        let mut worker = self.workers[0].lock().unwrap_or_else(PoisonError::into_inner);
-        for (b, block) in blocks.iter_mut().enumerate() {
-            let worlds = L::WIDTH.min(self.nworld - b * L::WIDTH);
-            block.pad(worlds);
-            let mut run = Run { applied: block.applied.as_deref(), clock: None, max_contacts: self.max_contacts };
-            pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, &mut worker.workspace);
-            if outputs.iter().any(Output::needs_energy) {
-                pipeline::energy(&self.tables, &block.state, &mut worker.workspace);
-            }
-            let view = View { model: &self.model, tables: &self.tables, block, workspace: &worker.workspace };
-            for lane in 0..worlds {
-                sink(b * L::WIDTH + lane, outputs.iter().map(|output| output.values(&view, lane)).collect());
-            }
-        }
-        drop(worker);
-        self.blocks = blocks;
     }
 
     fn state_hash(&self) -> u64 {

@@ -267,27 +267,6 @@ impl Model {
         if actuator.ctrl_limited { actuator.ctrl_range } else { [-1.0, 1.0] }
     }
 
-    /// Whether accelerations can be computed, or what is missing for them.
-    pub fn check_forward(&self) -> Result<(), Error> {
-        let tables = self.tables();
-        let missing = |what: String| Err(Error::Unsupported(what));
-        for pair in &tables.pairs {
-            let (a, b) = (&tables.geoms[pair.geom1 as usize], &tables.geoms[pair.geom2 as usize]);
-            if !lanesim_kernels::collision::supported(a.shape, b.shape) {
-                let name = |id: u32| format!("{id} \"{}\"", self.names().geoms.name(id as usize));
-                return missing(format!(
-                    "geoms {} and {} may touch, and contacts between {:?} and {:?} are not built yet (exclude their \
-                     bodies, or separate them with contype and conaffinity)",
-                    name(a.id),
-                    name(b.id),
-                    a.shape,
-                    b.shape
-                ));
-            }
-        }
-        Ok(())
-    }
-
     /// Whether the model can be stepped, or what is missing for it.
     pub fn check_step(&self) -> Result<(), Error> {
         let integrator = self.tables().options.integrator;
@@ -296,7 +275,7 @@ impl Model {
                 "integrator {integrator:?} is not built yet (set option integrator=Euler)"
             )));
         }
-        self.check_forward()
+        Ok(())
     }
 
     /// Notes and losses.

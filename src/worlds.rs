@@ -119,13 +119,11 @@ pub struct Worlds {
 impl Worlds {
     /// `nworld` worlds in the reference configuration, at rest.
     pub fn new(model: &Model, nworld: usize, options: &Options) -> Result<Self, Error> {
-        model.check_forward()?;
         Worlds::with_pool(model, nworld, options, Arc::new(Pool::new(options.threads)?))
     }
 
     /// The same on the threads of a pool that others may use too, though not at the same time.
     pub fn with_pool(model: &Model, nworld: usize, options: &Options, pool: Arc<Pool>) -> Result<Self, Error> {
-        model.check_forward()?;
         let limit = options.max_contacts;
         let scalar = options.backend == Backend::Scalar;
         let engine: Box<dyn Engine> = match (options.precision, scalar) {
@@ -352,7 +350,11 @@ impl Worlds {
     /// Computes everything up to the acceleration without stepping, and hands each world's outputs to `sink`, in the order
     /// of worlds: world, then one array per output.
     pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
-        self.engine.forward(outputs, sink);
+        let mut lists = vec![vec![Vec::new(); self.nworld()]; outputs.len()];
+        self.engine.read_all(outputs, lists.iter_mut().map(|list| Rows::Lists(list)).collect());
+        for world in 0..self.nworld() {
+            sink(world, lists.iter_mut().map(|list| std::mem::take(&mut list[world])).collect());
+        }
     }
 
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.

@@ -71,7 +71,6 @@ impl StageClock {
 }
 
 /// How the caller wants a block to be run.
-#[derive(Debug, Default)]
 pub struct Run<'a, L> {
     /// Forces from outside, if there are any.
     pub applied: Option<&'a Applied<L>>,
@@ -79,6 +78,8 @@ pub struct Run<'a, L> {
     pub clock: Option<&'a mut StageClock>,
     /// Largest number of contacts of a world.
     pub max_contacts: usize,
+    /// Collider of the convex pairs without a formula.
+    pub convex: &'a dyn collision::ConvexCollider,
 }
 
 /// Everything up to the acceleration, from the block's state, for the lanes that are alive.
@@ -100,7 +101,7 @@ pub fn forward<L: LaneQuery>(
     end(Stage::Position);
     inertia::crb(model, &ws.position, &mut ws.inertia);
     end(Stage::Inertia);
-    let overflow = collision::collide(model, &ws.position, alive, run.max_contacts, &mut ws.collision);
+    let overflow = collision::collide(model, &ws.position, alive, run.max_contacts, run.convex, &mut ws.collision);
     end(Stage::Collision);
     velocity::rne(model, &ws.position, &ws.inertia, &state.qvel, &mut ws.velocity);
     end(Stage::Velocity);
@@ -109,8 +110,9 @@ pub fn forward<L: LaneQuery>(
     end(Stage::Constraint);
     passive::passive(model, &ws.position, &state.qpos, &state.qvel, &mut ws.passive);
     end(Stage::Passive);
+    // Lengths are there to be read even where actuation is off.
+    actuation::transmission(model, &state.qpos, &mut ws.actuation);
     if model.features.actuation {
-        actuation::transmission(model, &state.qpos, &mut ws.actuation);
         let bad = actuation::actuation(model, &state.ctrl, &state.qvel, &ws.passive, &mut ws.actuation);
         status.record(Status::BAD_CTRL, L::bits(bad & alive));
     }
@@ -203,7 +205,9 @@ fn commit<L: LaneQuery>(model: &Model<L::Real>, state: &mut State<L>, status: &m
     };
     replace(&mut state.qpos, &next.qpos);
     replace(&mut state.qvel, &next.qvel);
-    replace(&mut state.qacc_warmstart, qacc);
+    for (i, warm) in state.qacc_warmstart.iter_mut().enumerate() {
+        *warm = L::select(good, qacc[i] - ws.acceleration.qacc_smooth[i] + L::zero(), *warm);
+    }
     let time = state.time[0] + L::of(model.options.timestep);
     replace(&mut state.time, &[time]);
 }

@@ -16,7 +16,7 @@ fields! {
         pub act: Vec<L> = sizes.na,
         /// Controls.
         pub ctrl: Vec<L> = sizes.nu,
-        /// Acceleration from which the solver starts.
+        /// What constraints added to the smooth acceleration in the last step: the solver starts from it.
         pub qacc_warmstart: Vec<L> = sizes.nv,
     } L
 }

@@ -94,6 +94,12 @@ pub(crate) fn dofs(scene: &Scene, links: &Links, reflected: &[Reflected]) -> Vec
                 link,
                 joint: index as u32,
                 parent,
+                free_base: match kind {
+                    DofKind::FreeTranslation(k) => dofs.len() as u32 - u32::from(k),
+                    DofKind::FreeRotation(k) => dofs.len() as u32 - 3 - u32::from(k),
+                    _ if parent == NONE => NONE,
+                    _ => dofs[parent as usize].free_base,
+                },
                 damped: false,
                 damping_linear: true,
                 armature: j.spec.armature + reflected[index].armature,

@@ -48,20 +48,20 @@ pub(crate) fn skyline(dofs: &[Dof<f64>], pairs: &[Pair<f64>], pair_dofs: &[PairD
 
 /// The ancestors of every dof, itself left out, as runs.
 pub(crate) fn tree_pattern(dofs: &[Dof<f64>]) -> Pattern {
-    let mut pattern = Pattern { runs: Vec::new(), rows: Vec::with_capacity(dofs.len()) };
+    let (mut runs, mut rows): (Vec<Span>, Vec<Span>) = (Vec::new(), Vec::with_capacity(dofs.len()));
     for dof in dofs {
-        let start = pattern.runs.len();
+        let start = runs.len();
         if dof.parent != NONE {
-            let inherited = pattern.rows[dof.parent as usize].range();
-            pattern.runs.extend_from_within(inherited);
-            match pattern.runs[start..].last_mut() {
+            let inherited = rows[dof.parent as usize].range();
+            runs.extend_from_within(inherited);
+            match runs[start..].last_mut() {
                 Some(run) if run.start + run.len == dof.parent => run.len += 1,
-                _ => pattern.runs.push(Span { start: dof.parent, len: 1 }),
+                _ => runs.push(Span { start: dof.parent, len: 1 }),
             }
         }
-        pattern.rows.push(Span { start: start as u32, len: (pattern.runs.len() - start) as u32 });
+        rows.push(Span { start: start as u32, len: (runs.len() - start) as u32 });
     }
-    pattern
+    Pattern::new(runs, rows)
 }
 
 #[cfg(test)]
@@ -76,6 +76,7 @@ mod tests {
             joint: 0,
             parent,
             damped: false,
+            free_base: NONE,
             damping_linear: true,
             armature: 0.0,
             damping: [0.0; 3],

@@ -18,10 +18,12 @@ fields! {
     pub struct Acceleration(sizes) {
         /// Sum of all forces but the constraints'.
         pub qfrc_smooth: Vec<L> = sizes.nv,
-        /// Factor L of M = Lᵀ D L, with D on the diagonal.
+        /// Factor U = D L of M = Lᵀ D L, with D on the diagonal.
         pub factor: Vec<L> = sizes.nm,
         /// D⁻¹.
         pub inverse: Vec<L> = sizes.nv,
+        /// Scratch of the factorisation.
+        pub multipliers: Vec<L> = sizes.nv,
         /// Acceleration without constraints.
         pub qacc_smooth: Vec<L> = sizes.nv,
     } L
@@ -78,9 +80,9 @@ pub fn smooth_acceleration<L: Lane>(
     inertia: &Inertia<L>,
     acceleration: &mut Acceleration<L>,
 ) -> L::Mask {
-    let Acceleration { qfrc_smooth, factor, inverse, qacc_smooth } = acceleration;
+    let Acceleration { qfrc_smooth, factor, inverse, multipliers, qacc_smooth } = acceleration;
     factor.copy_from_slice(&inertia.m);
-    let singular = ldl::factor(&model.rows, &model.tree_pattern, factor, inverse);
+    let singular = ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
     qacc_smooth.copy_from_slice(qfrc_smooth);
     ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, qacc_smooth);
     singular

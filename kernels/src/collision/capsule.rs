@@ -2,8 +2,8 @@
 
 use super::sphere::balls;
 use super::{Body, Candidate};
-use crate::lane::{Lane, Mask, Real};
-use crate::math::vec3::{self, Vec3, dot, scale, scale_add, sub};
+use crate::lane::{Lane, Mask};
+use crate::math::vec3::{self, Vec3, cross, dot, scale, scale_add, sub};
 
 /// The candidate `a` where the mask holds, else `b`.
 #[inline(always)]
@@ -54,13 +54,17 @@ fn at<L: Lane>(first: &Body<L>, second: &Body<L>, s: &Segments<L>, x1: L, x2: L)
 /// The nearest points of segments that are not parallel, and where they are parallel.
 pub(super) fn crossing<L: Lane>(first: &Body<L>, second: &Body<L>) -> (Candidate<L>, L::Mask) {
     let s = segments(first, second);
-    let det = s.b.neg_mul_add(s.b, s.a * s.c);
-    // Parallel up to an angle of 1e-4, or what the number type can tell.
-    let parallel = det.abs().le(s.a * s.c * L::of((8.0 * L::Real::EPSILON).max(1e-8)));
+    // By cross products: with θ the angle between the axes, a c - b² and its like are differences of nearly equal numbers
+    // that lose 1/θ² digits, these lose 1/θ.
+    let normal = cross(&s.alpha1, &s.alpha2);
+    let det = dot(&normal, &normal);
+    // Parallel up to an angle of 1e-4.
+    let parallel = det.le(s.a * s.c * L::of(1e-8));
     let one = L::one();
     let inverse = one / L::select(parallel, one, det);
-    let free1 = s.b.neg_mul_add(s.v, s.c * s.u) * inverse;
-    let free2 = s.b.neg_mul_add(s.u, s.a * s.v) * inverse;
+    let between = sub(&second.pos, &first.pos);
+    let free1 = dot(&cross(&between, &s.alpha2), &normal) * inverse;
+    let free2 = dot(&cross(&between, &s.alpha1), &normal) * inverse;
     let x1 = free1.clamp(-one, one);
     let clipped = free1.abs().gt(one);
     let x2 = L::select(clipped, x1.neg_mul_add(s.b, s.v) / s.c, free2);

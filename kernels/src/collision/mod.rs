@@ -3,15 +3,21 @@
 //!
 //! A block's list is the union of its worlds' contacts; a world without a given contact has it at distance `MAXVAL`.
 
+mod boxes;
 mod capsule;
+mod capsule_box;
+mod convex;
 mod frame;
 mod plane;
+mod single;
 mod sphere;
 
+pub use convex::ConvexCollider;
 pub use frame::contact_frame;
+pub use single::{Point, Points};
 
 use crate::fields::fields;
-use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::lane::{Lane, LaneQuery, Mask, Real, Scalar};
 use crate::math::vec3::{Mat3, Vec3, add, column, dot, mul_add, mul_mat, splat, sub, zero};
 use crate::model::{Geom, Model, NONE, Pair, Shape};
 use crate::position::Position;
@@ -68,10 +74,13 @@ pub(crate) struct Candidate<L> {
 
 /// A geom as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Body<L> {
-    pos: Vec3<L>,
-    rot: Mat3<L>,
-    size: Vec3<L>,
+pub struct Body<L> {
+    /// Centre.
+    pub pos: Vec3<L>,
+    /// Orientation, row-major.
+    pub rot: Mat3<L>,
+    /// Sizes.
+    pub size: Vec3<L>,
 }
 
 impl<L: Lane> Body<L> {
@@ -130,6 +139,7 @@ pub fn collide<L: LaneQuery>(
     position: &Position<L>,
     alive: L::Mask,
     capacity: usize,
+    convex: &dyn ConvexCollider,
     collision: &mut Collision<L>,
 ) -> L::Mask {
     let Collision { colliders, slots, contacts } = collision;
@@ -140,13 +150,20 @@ pub fn collide<L: LaneQuery>(
     let mut count = L::zero();
     let mut overflow = L::Mask::splat(false);
     for (p, pair) in model.pairs.iter().enumerate() {
-        let (first, second) = bodies(model, position, colliders, pair);
-        let near = near(model, pair, &first, &second) & alive;
+        let geoms = [&model.geoms[pair.geom1 as usize], &model.geoms[pair.geom2 as usize]];
+        let centres = centres(model, position, colliders, pair);
+        let near = near(pair, geoms, colliders, &centres) & alive;
         if !L::any(near) {
             continue;
         }
+        // Orientations, sizes and the rest are fetched for the few pairs that are near.
+        let body =
+            |k: usize, g: u32| Body { pos: centres[k], rot: colliders.rot[g as usize], size: splat(&geoms[k].size) };
+        let (first, second) = (body(0, pair.geom1), body(1, pair.geom2));
         let include = L::splat(pair.include);
-        narrow::<L>(shapes(model, pair), &first, &second, include, near, &mut |point, candidate, mask| {
+        let shapes = (geoms[0].shape, geoms[1].shape);
+        let narrow = Narrow { shapes, include: pair.include, most: pair.slots.len as usize, convex };
+        narrow.points::<L>(&first, &second, near, &mut |point, candidate, mask| {
             let mut exists = mask & candidate.dist.le(include);
             if may_overflow {
                 count += L::select(exists, L::one(), L::zero());
@@ -167,58 +184,84 @@ pub fn collide<L: LaneQuery>(
     overflow
 }
 
-fn shapes<T>(model: &Model<T>, pair: &Pair<T>) -> (Shape, Shape) {
-    (model.geoms[pair.geom1 as usize].shape, model.geoms[pair.geom2 as usize].shape)
-}
-
-/// The geoms of a pair, relative to the pair's reference point.
+/// The centres of a pair's geoms, relative to the pair's reference point.
 #[inline(always)]
-fn bodies<L: Lane>(
+fn centres<L: Lane>(
     model: &Model<L::Real>,
     position: &Position<L>,
     colliders: &Colliders<L>,
     pair: &Pair<L::Real>,
-) -> (Body<L>, Body<L>) {
+) -> [Vec3<L>; 2] {
     let reference = reference(pair);
     let tree = |link: u32| if link == NONE { NONE } else { model.links[link as usize].tree };
-    let body = |g: u32, link: u32| {
-        let geom: &Geom<L::Real> = &model.geoms[g as usize];
-        let mut pos = colliders.pos[g as usize];
-        if tree(link) != tree(reference) {
-            let shift = sub(&origin(model, position, link), &origin(model, position, reference));
-            pos = add(&pos, &shift);
+    let centre = |g: u32, link: u32| {
+        let pos = colliders.pos[g as usize];
+        if tree(link) == tree(reference) {
+            return pos;
         }
-        Body { pos, rot: colliders.rot[g as usize], size: splat(&geom.size) }
+        add(&pos, &sub(&origin(model, position, link), &origin(model, position, reference)))
     };
-    (body(pair.geom1, pair.link1), body(pair.geom2, pair.link2))
+    [centre(pair.geom1, pair.link1), centre(pair.geom2, pair.link2)]
 }
 
 /// Whether the bounding spheres of a pair, or a plane and a bounding sphere, are within reach.
 #[inline(always)]
-fn near<L: Lane>(model: &Model<L::Real>, pair: &Pair<L::Real>, first: &Body<L>, second: &Body<L>) -> L::Mask {
-    let (geom1, geom2) = (&model.geoms[pair.geom1 as usize], &model.geoms[pair.geom2 as usize]);
-    let between = sub(&second.pos, &first.pos);
-    let reach = L::splat(pair.include) + L::splat(geom2.rbound);
-    if geom1.shape == Shape::Plane {
-        return dot(&first.axis(), &between).le(reach);
+fn near<L: Lane>(
+    pair: &Pair<L::Real>,
+    [first, second]: [&Geom<L::Real>; 2],
+    colliders: &Colliders<L>,
+    centres: &[Vec3<L>; 2],
+) -> L::Mask {
+    let between = sub(&centres[1], &centres[0]);
+    let reach = L::splat(pair.include) + L::splat(second.rbound);
+    if first.shape == Shape::Plane {
+        return dot(&column(&colliders.rot[pair.geom1 as usize], 2), &between).le(reach);
     }
-    let reach = reach + L::splat(geom1.rbound);
+    let reach = reach + L::splat(first.rbound);
     dot(&between, &between).le(reach * reach)
 }
 
-/// Whether the narrow phase has a pair of shapes, the first sorting before the second.
-pub fn supported(first: Shape, second: Shape) -> bool {
-    use Shape::{Capsule, Cylinder, Plane, Sphere};
-    match first {
-        Plane => second != Plane,
-        Sphere => matches!(second, Sphere | Capsule | Cylinder | Shape::Box),
-        Capsule => second == Capsule,
-        _ => false,
+/// A pair as the narrow phase sees it.
+struct Narrow<'a, T> {
+    shapes: (Shape, Shape),
+    /// Distance up to which there are contacts.
+    include: T,
+    /// Most contacts of the pair.
+    most: usize,
+    convex: &'a dyn ConvexCollider,
+}
+
+impl<T: Scalar> Narrow<'_, T> {
+    /// Calls `emit` with number, geometry and mask of every contact that the pair may have.
+    fn points<L: LaneQuery<Real = T>>(
+        &self,
+        a: &Body<L>,
+        b: &Body<L>,
+        near: L::Mask,
+        emit: &mut dyn FnMut(u32, Candidate<L>, L::Mask),
+    ) {
+        use Shape::{Box, Capsule, Cylinder, Plane, Sphere};
+        match self.shapes {
+            (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) | (Capsule, Capsule) => {
+                in_lanes(self.shapes, a, b, L::splat(self.include), near, emit);
+            }
+            (Capsule, Box) => {
+                single::each(a, b, near, |a, b, points| capsule_box::capsule_box(a, b, self.include, points), emit)
+            }
+            (Box, Box) => single::each(a, b, near, |a, b, points| boxes::boxes(a, b, self.include, points), emit),
+            shapes => single::each(
+                a,
+                b,
+                near,
+                |a, b, points| single::convex(self.convex, shapes, (a, b), self.include, self.most, points),
+                emit,
+            ),
+        }
     }
 }
 
-/// Calls `emit` with number, geometry and mask of every contact that a pair of shapes may have.
-fn narrow<L: LaneQuery>(
+/// Pairs with a formula in lanes.
+fn in_lanes<L: LaneQuery>(
     shapes: (Shape, Shape),
     a: &Body<L>,
     b: &Body<L>,

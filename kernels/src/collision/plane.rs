@@ -2,7 +2,7 @@
 
 use super::{Body, Candidate};
 use crate::lane::{Lane, Mask, Real};
-use crate::math::vec3::{Vec3, cross, dot, mul, mul_t, neg, norm, scale_add, select, sub, zero};
+use crate::math::vec3::{Vec3, column, cross, dot, mul, mul_t, neg, norm, scale, scale_add, select, sub, zero};
 
 /// The contact of surface point `at`, `dist` above the plane.
 #[inline(always)]
@@ -56,14 +56,15 @@ pub(super) fn cylinder<L: Lane>(plane: &Body<L>, cylinder: &Body<L>, include: L)
     let away = projection.gt(L::zero());
     // The axis points to the plane: its disk is the nearer one.
     let axis = select(away, &neg(&up), &up);
-    let along = -projection.abs();
-    // Towards the plane and orthogonal to the axis.
-    let rim = scale_add(along, &axis, &neg(&normal));
-    let length = norm(&rim);
+    // Towards the plane and orthogonal to the axis: by the cylinder's own x and y, for a difference of world vectors would
+    // lose the direction of a disk that is nearly flat on the plane, and leave the disk.
+    let (x_axis, y_axis) = (column(&cylinder.rot, 0), column(&cylinder.rot, 1));
+    let (x, y) = (-dot(&normal, &x_axis), -dot(&normal, &y_axis));
+    let length = y.mul_add(y, x * x).sqrt();
     let flat = length.lt(L::of(L::Real::MINVAL));
-    let x_axis = [cylinder.rot[0], cylinder.rot[3], cylinder.rot[6]];
     let inverse = radius / L::select(flat, L::one(), length);
-    let rim = select(flat, &x_axis.map(|x| x * radius), &rim.map(|x| x * inverse));
+    let (x, y) = (L::select(flat, radius, x * inverse), L::select(flat, L::zero(), y * inverse));
+    let rim = scale_add(y, &y_axis, &scale(x, &x_axis));
     let near_disk = scale_add(half, &axis, &cylinder.pos);
     let far_disk = scale_add(-half, &axis, &cylinder.pos);
     // ±120°: half of the opposite of `rim`, plus or minus √3/2 of the direction orthogonal to it and the axis.

@@ -2,7 +2,8 @@
 
 use crate::fields::fields;
 use crate::lane::Lane;
-use crate::math::spatial::{Inertia10, dot6, inertia_mul};
+use crate::math::spatial::{Inertia10, inertia_mul};
+use crate::math::tree;
 use crate::math::vec3::splat;
 use crate::model::{Link, Model, NONE};
 use crate::position::Position;
@@ -37,14 +38,11 @@ pub fn crb<L: Lane>(model: &Model<L::Real>, position: &Position<L>, inertia: &mu
     }
     for (i, dof) in model.dofs.iter().enumerate() {
         let force = inertia_mul(&inertia.composite[dof.link as usize], &position.cdof[i]);
-        let (start, first) = (model.rows.start[i] as usize, model.rows.first[i] as usize);
-        for run in model.tree_pattern.row(i) {
-            let row = &mut inertia.m[start + run.start as usize - first..];
-            for (entry, s) in row.iter_mut().zip(&position.cdof[run.range()]) {
-                *entry = dot6(s, &force);
-            }
+        let row = &mut inertia.m[model.rows.row(i)];
+        tree::project_on_ancestors(model, &position.cdof, i, &force, row, |entry, x| *entry = x);
+        if let Some(diagonal) = row.last_mut() {
+            *diagonal = tree::project(model, &position.cdof, i, &force) + L::splat(dof.armature);
         }
-        inertia.m[start + i - first] = dot6(&position.cdof[i], &force) + L::splat(dof.armature);
     }
 }
 

@@ -21,6 +21,8 @@ fields! {
         pub factor: Vec<L> = sizes.nm,
         /// Its D⁻¹.
         pub inverse: Vec<L> = sizes.nv,
+        /// Scratch of the factorisation.
+        pub multipliers: Vec<L> = sizes.nv,
     } L
 }
 
@@ -43,7 +45,8 @@ pub fn euler<L: Lane>(
             let diagonal = &mut out.factor[model.rows.diagonal(i)];
             *diagonal = h.mul_add(damper_slope(dof, qvel[i]), *diagonal);
         }
-        ldl::factor(&model.rows, &model.tree_pattern, &mut out.factor, &mut out.inverse);
+        let Integration { factor, inverse, multipliers, .. } = out;
+        ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
         for (i, sum) in out.qacc.iter_mut().enumerate() {
             *sum = forces[0][i] + forces[1][i];
         }

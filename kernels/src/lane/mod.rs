@@ -175,8 +175,13 @@ pub trait Lane:
     }
 }
 
+/// A real type as a lane of its own, for code that treats one world at a time.
+pub trait Scalar: Real + Lane<Real = Self, Mask = bool> {}
+
+impl<T: Real + Lane<Real = T, Mask = bool>> Scalar for T {}
+
 /// What only drivers may ask of lanes: their number, single entries, whether any satisfies a condition.
-pub trait LaneQuery: Lane {
+pub trait LaneQuery: Lane<Real: Scalar> {
     /// Number of lanes.
     const WIDTH: usize;
     /// Name, as reports spell it.

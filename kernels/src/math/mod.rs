@@ -3,4 +3,5 @@
 pub mod ldl;
 pub mod quat;
 pub mod spatial;
+pub mod tree;
 pub mod vec3;

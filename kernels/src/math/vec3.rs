@@ -7,10 +7,21 @@ pub type Vec3<L> = [L; 3];
 /// A matrix, row-major.
 pub type Mat3<L> = [L; 9];
 
+/// The array of `f(0)`, `f(1)`, ... A loop, because `std::array::from_fn` is not always inlined for entries as large as
+/// lanes.
+#[inline(always)]
+pub fn build<L: Lane, const N: usize>(mut f: impl FnMut(usize) -> L) -> [L; N] {
+    let mut out = [L::zero(); N];
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = f(i);
+    }
+    out
+}
+
 /// The same model vector in every lane.
 #[inline(always)]
 pub fn splat<L: Lane, const N: usize>(a: &[L::Real; N]) -> [L; N] {
-    std::array::from_fn(|i| L::splat(a[i]))
+    build(|i| L::splat(a[i]))
 }
 
 /// Zero vector.
@@ -22,37 +33,37 @@ pub fn zero<L: Lane, const N: usize>() -> [L; N] {
 /// a + b
 #[inline(always)]
 pub fn add<L: Lane, const N: usize>(a: &[L; N], b: &[L; N]) -> [L; N] {
-    std::array::from_fn(|i| a[i] + b[i])
+    build(|i| a[i] + b[i])
 }
 
 /// a - b
 #[inline(always)]
 pub fn sub<L: Lane, const N: usize>(a: &[L; N], b: &[L; N]) -> [L; N] {
-    std::array::from_fn(|i| a[i] - b[i])
+    build(|i| a[i] - b[i])
 }
 
 /// s a
 #[inline(always)]
 pub fn scale<L: Lane, const N: usize>(s: L, a: &[L; N]) -> [L; N] {
-    std::array::from_fn(|i| s * a[i])
+    build(|i| s * a[i])
 }
 
 /// s a + b
 #[inline(always)]
 pub fn scale_add<L: Lane, const N: usize>(s: L, a: &[L; N], b: &[L; N]) -> [L; N] {
-    std::array::from_fn(|i| s.mul_add(a[i], b[i]))
+    build(|i| s.mul_add(a[i], b[i]))
 }
 
 /// -a
 #[inline(always)]
 pub fn neg<L: Lane, const N: usize>(a: &[L; N]) -> [L; N] {
-    std::array::from_fn(|i| -a[i])
+    build(|i| -a[i])
 }
 
 /// `a` where the mask holds, else `b`.
 #[inline(always)]
 pub fn select<L: Lane, const N: usize>(mask: L::Mask, a: &[L; N], b: &[L; N]) -> [L; N] {
-    std::array::from_fn(|i| L::select(mask, a[i], b[i]))
+    build(|i| L::select(mask, a[i], b[i]))
 }
 
 /// a · b
@@ -103,33 +114,31 @@ pub fn normalize<L: Lane>(a: &Vec3<L>) -> (Vec3<L>, L) {
 /// m a
 #[inline(always)]
 pub fn mul<L: Lane>(m: &Mat3<L>, a: &Vec3<L>) -> Vec3<L> {
-    std::array::from_fn(|i| m[3 * i + 2].mul_add(a[2], m[3 * i + 1].mul_add(a[1], m[3 * i] * a[0])))
+    build(|i| m[3 * i + 2].mul_add(a[2], m[3 * i + 1].mul_add(a[1], m[3 * i] * a[0])))
 }
 
 /// m a + b
 #[inline(always)]
 pub fn mul_add<L: Lane>(m: &Mat3<L>, a: &Vec3<L>, b: &Vec3<L>) -> Vec3<L> {
-    std::array::from_fn(|i| m[3 * i + 2].mul_add(a[2], m[3 * i + 1].mul_add(a[1], m[3 * i].mul_add(a[0], b[i]))))
+    build(|i| m[3 * i + 2].mul_add(a[2], m[3 * i + 1].mul_add(a[1], m[3 * i].mul_add(a[0], b[i]))))
 }
 
 /// b - m a
 #[inline(always)]
 pub fn mul_sub<L: Lane>(m: &Mat3<L>, a: &Vec3<L>, b: &Vec3<L>) -> Vec3<L> {
-    std::array::from_fn(|i| {
-        m[3 * i + 2].neg_mul_add(a[2], m[3 * i + 1].neg_mul_add(a[1], m[3 * i].neg_mul_add(a[0], b[i])))
-    })
+    build(|i| m[3 * i + 2].neg_mul_add(a[2], m[3 * i + 1].neg_mul_add(a[1], m[3 * i].neg_mul_add(a[0], b[i]))))
 }
 
 /// mᵀ a
 #[inline(always)]
 pub fn mul_t<L: Lane>(m: &Mat3<L>, a: &Vec3<L>) -> Vec3<L> {
-    std::array::from_fn(|i| m[6 + i].mul_add(a[2], m[3 + i].mul_add(a[1], m[i] * a[0])))
+    build(|i| m[6 + i].mul_add(a[2], m[3 + i].mul_add(a[1], m[i] * a[0])))
 }
 
 /// a b
 #[inline(always)]
 pub fn mul_mat<L: Lane>(a: &Mat3<L>, b: &Mat3<L>) -> Mat3<L> {
-    std::array::from_fn(|k| {
+    build(|k| {
         let (i, j) = (k / 3, k % 3);
         a[3 * i + 2].mul_add(b[6 + j], a[3 * i + 1].mul_add(b[3 + j], a[3 * i] * b[j]))
     })

@@ -4,7 +4,7 @@ use crate::fields::fields;
 use crate::lane::Lane;
 use crate::math::quat;
 use crate::math::spatial::{dot6, join};
-use crate::math::vec3::{cross, mul_add, norm, scale, splat};
+use crate::math::vec3::{build, cross, mul_add, norm, scale, splat};
 use crate::model::{Dof, Joint, JointKind, Model, NONE};
 use crate::position::Position;
 
@@ -58,14 +58,14 @@ pub(crate) fn stiffness<L: Lane>(joint: &Joint<L::Real>, r: L) -> L {
 #[inline(always)]
 pub(crate) fn twist_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L], rest: usize) -> [L; 3] {
     let s = &joint.qpos_spring;
-    let rest = std::array::from_fn(|k| L::splat(s[rest + k]));
+    let rest = build(|k| L::splat(s[rest + k]));
     quat::log(&quat::mul(&quat::conjugate(&rest), &quat::unit(&[q[0], q[1], q[2], q[3]])))
 }
 
 /// Displacement of a free joint's position from its spring's rest.
 #[inline(always)]
 pub(crate) fn shift_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L]) -> [L; 3] {
-    std::array::from_fn(|k| q[k] - L::splat(joint.qpos_spring[k]))
+    build(|k| q[k] - L::splat(joint.qpos_spring[k]))
 }
 
 #[inline(always)]

@@ -4,6 +4,7 @@
 use super::{Problem, RowVector, SolverWork, rows};
 use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::Lane;
+use crate::math::ldl;
 use crate::math::spatial::dot6;
 use crate::model::{Model, NONE};
 use crate::options;
@@ -164,16 +165,13 @@ fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
 fn whiten<L: Lane>(problem: &Problem<'_, L>, root: &[L], j: &mut [L]) {
     let Problem { model, acceleration, .. } = problem;
     for k in (0..j.len()).rev() {
-        let (start, first) = (model.rows.start[k] as usize, model.rows.first[k] as usize);
-        let x = j[k];
-        for run in model.tree_pattern.row(k) {
-            let range = run.range();
-            let l = &acceleration.factor[start + range.start - first..start + range.end - first];
-            for (j, l) in j[range].iter_mut().zip(l) {
-                *j = x.neg_mul_add(*l, *j);
+        let y = j[k] * acceleration.inverse[k];
+        ldl::for_each_entry(&model.rows, &model.tree_pattern, &acceleration.factor, k, |columns, row| {
+            for (j, u) in j[columns].iter_mut().zip(row) {
+                *j = y.neg_mul_add(*u, *j);
             }
-        }
-        j[k] = x * root[k];
+        });
+        j[k] *= root[k];
     }
 }
 
@@ -184,16 +182,13 @@ pub fn finish<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let Dual { z, root, .. } = &work.dual;
     let change = &mut work.fields.search;
     for k in 0..z.len() {
-        let (start, first) = (model.rows.start[k] as usize, model.rows.first[k] as usize);
-        let mut sum = z[k] * root[k];
-        for run in model.tree_pattern.row(k) {
-            let range = run.range();
-            let l = &acceleration.factor[start + range.start - first..start + range.end - first];
-            for (x, l) in change[range].iter().zip(l) {
-                sum = x.neg_mul_add(*l, sum);
+        let mut sum = L::zero();
+        ldl::for_each_entry(&model.rows, &model.tree_pattern, &acceleration.factor, k, |columns, row| {
+            for (x, u) in change[columns].iter().zip(row) {
+                sum = x.mul_add(*u, sum);
             }
-        }
-        change[k] = sum;
+        });
+        change[k] = sum.neg_mul_add(acceleration.inverse[k], z[k] * root[k]);
     }
     for (a, (a0, change)) in work.fields.qacc.iter_mut().zip(acceleration.qacc_smooth.iter().zip(change.iter())) {
         *a = *a0 + *change;

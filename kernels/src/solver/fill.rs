@@ -21,11 +21,7 @@ impl Fill {
         let words = sizes.nv.div_ceil(64);
         // A row of n columns has at most n/2 runs.
         let runs = sizes.nv * (sizes.nv / 4 + 1);
-        Fill {
-            pattern: Pattern { runs: Vec::with_capacity(runs), rows: Vec::with_capacity(sizes.nv) },
-            bits: vec![0; words * sizes.nv],
-            words,
-        }
+        Fill { pattern: Pattern::with_capacity(sizes.nv, runs, sizes.nm), bits: vec![0; words * sizes.nv], words }
     }
 
     /// Finds the pattern for the contacts listed in `constraint`.
@@ -74,7 +70,8 @@ impl Fill {
     }
 
     fn collect_runs(&mut self) {
-        let Fill { pattern: Pattern { runs, rows }, bits, words } = self;
+        let Fill { pattern, bits, words } = self;
+        let Pattern { runs, rows, .. } = pattern;
         runs.clear();
         rows.clear();
         for row in bits.chunks_exact((*words).max(1)) {
@@ -94,5 +91,6 @@ impl Fill {
             }
             rows.push(Span { start: start as u32, len: (runs.len() - start) as u32 });
         }
+        pattern.find_columns();
     }
 }

@@ -8,10 +8,10 @@ use super::cone::{self, Stiffness};
 use super::{Problem, Solver, SolverWork, rows};
 use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::Lane;
-use crate::math::spatial::{Spatial, dot6};
-use crate::math::vec3::scale_add;
-use crate::model::{Model, NONE};
-use crate::position::Position;
+use crate::math::spatial::Spatial;
+use crate::math::tree;
+use crate::math::vec3::{build, scale_add};
+use crate::model::{DofKind, Model, NONE};
 
 /// A symmetric 6×6 matrix, lower triangle by rows.
 type Sym6<L> = [L; 21];
@@ -23,9 +23,10 @@ const fn at(i: usize, j: usize) -> usize {
 
 /// Fills the Hessian for the current iterate.
 pub fn assemble<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, position, inertia, constraint, .. } = problem;
+    let Problem { model, constraint, .. } = problem;
     let Solver { hessian, stiffness, .. } = &mut work.fields;
-    hessian.copy_from_slice(&inertia.m);
+    stiffen_links(problem, &work.touched, &work.y.component, stiffness);
+    add_stiffness(problem, &work.touched, stiffness, hessian);
     for (row, y) in constraint.dof_rows.iter().zip(&work.y.dof) {
         let (_, k) = rows::dof_force(row, *y);
         let dof = row.dof as usize;
@@ -40,55 +41,74 @@ pub fn assemble<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
             hessian[model.rows.diagonal(dof)] += k;
         }
     }
-    for (stiffness, touched) in stiffness.iter_mut().zip(&work.touched) {
+    for row in constraint.contact_rows.iter().filter(|row| row.link == NONE) {
+        let (first, dim) = (row.component as usize, row.dim as usize);
+        let k = cone::stiffness(row, &work.y.component[first..first + dim]);
+        add_rows(model, constraint, row, &k, hessian);
+    }
+}
+
+/// Stiffness of every touched link: of the contacts on it, and of those on what it carries.
+fn stiffen_links<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], y: &[L], stiffness: &mut [Sym6<L>]) {
+    let Problem { model, constraint, .. } = problem;
+    for (stiffness, touched) in stiffness.iter_mut().zip(touched) {
         if *touched {
             *stiffness = [L::zero(); 21];
         }
     }
-    for row in &constraint.contact_rows {
+    for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
         let (first, dim) = (row.component as usize, row.dim as usize);
-        let k = cone::stiffness(row, &work.y.component[first..first + dim]);
-        if row.link != NONE {
-            add_to_link(&k, &constraint.motion[first..first + dim], &mut stiffness[row.link as usize]);
-        } else {
-            add_rows(model, constraint, row, &k, hessian);
+        let k = cone::stiffness(row, &y[first..first + dim]);
+        add_to_link(&k, &constraint.motion[first..first + dim], &mut stiffness[row.link as usize]);
+    }
+    for (l, link) in model.links.iter().enumerate().rev() {
+        if touched[l] && link.parent != NONE {
+            let (parents, rest) = stiffness.split_at_mut(l);
+            for (p, k) in parents[link.parent as usize].iter_mut().zip(&rest[0]) {
+                *p += *k;
+            }
         }
     }
-    push_down(model, position, &work.touched, stiffness, hessian);
 }
 
 /// stiffness += Wᵀ K W, W the components' motion rows.
 #[inline(always)]
 fn add_to_link<L: Lane>(k: &Stiffness<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
-    match k {
-        Stiffness::Arrow(normal, side, cross) => {
-            let mut sum: Spatial<L> = w[0].map(|x| *normal * x);
-            for j in 1..w.len() {
-                let (side, cross) = (side[j - 1], cross[j - 1]);
-                sum = scale_add(cross, &w[j], &sum);
-                let t: Spatial<L> = std::array::from_fn(|i| side.mul_add(w[j][i], cross * w[0][i]));
-                rank_one(&t, &w[j], stiffness);
-            }
-            rank_one(&sum, &w[0], stiffness);
-        }
-        Stiffness::Full(k) => {
-            for j in 0..w.len() {
-                let mut sum = [L::zero(); 6];
-                for i in 0..w.len() {
-                    sum = scale_add(k[i.max(j)][i.min(j)], &w[i], &sum);
-                }
-                rank_one(&sum, &w[j], stiffness);
-            }
-        }
+    match w.len() {
+        1 => add_components::<L, 1>(k, w, stiffness),
+        3 => add_components::<L, 3>(k, w, stiffness),
+        4 => add_components::<L, 4>(k, w, stiffness),
+        _ => add_components::<L, 6>(k, w, stiffness),
     }
 }
 
-/// s += lower triangle of a bᵀ.
 #[inline(always)]
-fn rank_one<L: Lane>(a: &Spatial<L>, b: &Spatial<L>, s: &mut Sym6<L>) {
+fn add_components<L: Lane, const N: usize>(k: &Stiffness<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
+    let w = &w[..N];
+    let mut t = [[L::zero(); 6]; N];
+    match k {
+        Stiffness::Arrow(normal, side, cross) => {
+            t[0] = w[0].map(|x| *normal * x);
+            for c in 1..N {
+                t[0] = scale_add(cross[c - 1], &w[c], &t[0]);
+                t[c] = build(|i| side[c - 1].mul_add(w[c][i], cross[c - 1] * w[0][i]));
+            }
+        }
+        Stiffness::Full(k) => {
+            for c in 0..N {
+                for d in 0..N {
+                    t[c] = scale_add(k[c.max(d)][c.min(d)], &w[d], &t[c]);
+                }
+            }
+        }
+    }
     for i in 0..6 {
         for j in 0..=i {
-            s[at(i, j)] = a[i].mul_add(b[j], s[at(i, j)]);
+            let mut sum = stiffness[at(i, j)];
+            for c in 0..N {
+                sum = t[c][i].mul_add(w[c][j], sum);
+            }
+            stiffness[at(i, j)] = sum;
         }
     }
 }
@@ -140,42 +160,38 @@ fn times<L: Lane>(k: &Stiffness<L>, column: &[L]) -> [L; 6] {
     out
 }
 
-/// Sums stiffnesses towards the roots and adds Sᵀ K S to the Hessian.
-fn push_down<L: Lane>(
-    model: &Model<L::Real>,
-    position: &Position<L>,
-    touched: &[bool],
-    stiffness: &mut [Sym6<L>],
-    hessian: &mut [L],
-) {
-    for (l, link) in model.links.iter().enumerate().rev() {
-        if !touched[l] {
+/// H = M + Sᵀ K S, row by row.
+fn add_stiffness<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], stiffness: &[Sym6<L>], hessian: &mut [L]) {
+    let Problem { model, position, inertia, .. } = problem;
+    for (i, dof) in model.dofs.iter().enumerate() {
+        let range = model.rows.row(i);
+        let row = &mut hessian[range.clone()];
+        row.copy_from_slice(&inertia.m[range]);
+        if !touched[dof.link as usize] {
             continue;
         }
-        let k = stiffness[l];
-        for i in link.dofs.range() {
-            let s = &position.cdof[i];
-            let force: Spatial<L> = std::array::from_fn(|r| {
-                let mut sum = k[at(r, 0)] * s[0];
-                for c in 1..6 {
-                    sum = k[at(r, c)].mul_add(s[c], sum);
-                }
-                sum
-            });
-            let (start, first) = (model.rows.start[i] as usize, model.rows.first[i] as usize);
-            for run in model.tree_pattern.row(i) {
-                let row = &mut hessian[start + run.start as usize - first..];
-                for (entry, s) in row.iter_mut().zip(&position.cdof[run.range()]) {
-                    *entry += dot6(s, &force);
-                }
-            }
-            hessian[start + i - first] += dot6(s, &force);
+        let force = stiffness_times(&stiffness[dof.link as usize], dof.kind, &position.cdof[i]);
+        tree::project_on_ancestors(model, &position.cdof, i, &force, row, |entry, x| *entry += x);
+        if let Some(diagonal) = row.last_mut() {
+            *diagonal += tree::project(model, &position.cdof, i, &force);
         }
-        if link.parent != NONE {
-            let parent = &mut stiffness[link.parent as usize];
-            for (p, k) in parent.iter_mut().zip(k) {
-                *p += k;
-            }
+    }
+}
+
+/// K times a dof's axis.
+#[inline(always)]
+fn stiffness_times<L: Lane>(k: &Sym6<L>, kind: DofKind, s: &Spatial<L>) -> Spatial<L> {
+    let columns = |r: usize, from: usize, to: usize| {
+        let mut sum = k[at(r, from)] * s[from];
+        for c in from + 1..to {
+            sum = k[at(r, c)].mul_add(s[c], sum);
         }
+        sum
+    };
+    match kind {
+        DofKind::FreeTranslation(c) => build(|r| k[at(r, 3 + c as usize)]),
+        DofKind::FreeRotation(_) => build(|r| columns(r, 0, 3)),
+        DofKind::Slide => build(|r| columns(r, 3, 6)),
+        DofKind::BallRotation(_) | DofKind::Hinge => build(|r| columns(r, 0, 6)),
     }
 }

@@ -45,6 +45,8 @@ fields! {
         pub hessian: Vec<L> = sizes.nm,
         /// D⁻¹ of that factor.
         pub inverse: Vec<L> = sizes.nv,
+        /// Scratch of the factorisation.
+        pub multipliers: Vec<L> = sizes.nv,
         /// M⁻¹ times the gradient (conjugate gradients).
         pub scaled: Vec<L> = sizes.nv,
         /// Gradient of the last iterate (conjugate gradients).
@@ -149,7 +151,9 @@ impl<L: LaneQuery> SolverWork<L> {
     }
 }
 
-/// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. Worlds without active rows keep the smooth
+/// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. `warmstart` is what constraints added to the smooth
+/// acceleration in the last step: with controls that change all the time it says more about this step than the last
+/// acceleration itself. Worlds without active rows keep the smooth
 /// acceleration. Returns the lanes that reached the limit of iterations.
 pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,

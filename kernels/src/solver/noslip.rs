@@ -4,6 +4,7 @@
 use super::{Problem, SolverWork, dual, pgs};
 use crate::constraint::{Cone, DofRowKind};
 use crate::lane::{Lane, LaneQuery};
+use crate::math::vec3::build;
 use crate::options;
 
 /// Sweeps over friction until a sweep improves the cost by less than the no-slip tolerance, in the lanes of `open`.
@@ -68,13 +69,13 @@ fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork
             Cone::Ellipse => {
                 let block = work.dual.block(row);
                 let residual = work.dual.residual(row);
-                let old: [L; 6] = std::array::from_fn(|i| if i < n { force[i] } else { L::zero() });
+                let old: [L; 6] = build(|i| if i < n { force[i] } else { L::zero() });
                 // Without regularisation the gradient is the residual; its constant part leaves out friction.
                 let constant: [L; 6] =
-                    std::array::from_fn(|i| (0..n).fold(residual[i], |sum, k| block[i][k].neg_mul_add(old[k], sum)));
+                    build(|i| (0..n).fold(residual[i], |sum, k| block[i][k].neg_mul_add(old[k], sum)));
                 let mut next = old;
                 pgs::friction(n, row, &block, &constant, &mut next);
-                let change: [L; 6] = std::array::from_fn(|i| L::select(acts, next[i] - old[i], L::zero()));
+                let change: [L; 6] = build(|i| L::select(acts, next[i] - old[i], L::zero()));
                 for i in 0..n {
                     let moved = (0..n).fold(L::zero(), |sum, k| block[i][k].mul_add(change[k], sum));
                     improvement -= change[i] * moved.mul_add(L::of(0.5), residual[i]);

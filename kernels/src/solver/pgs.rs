@@ -7,6 +7,7 @@
 use super::{Problem, SolverWork, dual, qcqp, rows};
 use crate::constraint::{Cone, ContactRow, DofRow, DofRowKind};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::math::vec3::build;
 
 /// Sweeps until the lanes of `open` have converged: a sweep improves the cost by less than the tolerance. Returns the
 /// lanes that reached the limit of sweeps.
@@ -38,7 +39,11 @@ pub fn solve<L: LaneQuery>(
 /// Forces of the warm start's acceleration where their dual cost is negative, else none.
 fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
     let constraint = problem.constraint;
-    rows::apply(problem, warmstart, &mut work.fields.twist, &mut work.y);
+    let warm = &mut work.fields.search;
+    for (warm, (smooth, change)) in warm.iter_mut().zip(problem.acceleration.qacc_smooth.iter().zip(warmstart)) {
+        *warm = *smooth + *change;
+    }
+    rows::apply(problem, warm, &mut work.fields.twist, &mut work.y);
     for (y, row) in work.y.dof.iter_mut().zip(&constraint.dof_rows) {
         *y += row.reference;
     }
@@ -186,7 +191,7 @@ fn ellipse<L: Lane>(
     acts: L::Mask,
 ) -> ([L; 6], L) {
     let n = force.len();
-    let old: [L; 6] = std::array::from_fn(|i| if i < n { force[i] } else { L::zero() });
+    let old: [L; 6] = build(|i| if i < n { force[i] } else { L::zero() });
     let mut a = *block;
     let base = regulariser(row.d);
     for (i, a) in a.iter_mut().enumerate().take(n) {
@@ -194,16 +199,14 @@ fn ellipse<L: Lane>(
         let ratio = if i == 0 { L::one() } else { row.mu / row.friction[i - 1] };
         a[i] += base * ratio * ratio;
     }
-    let times =
-        |x: &[L; 6]| -> [L; 6] { std::array::from_fn(|i| (0..n).fold(L::zero(), |sum, k| a[i][k].mul_add(x[k], sum))) };
+    let times = |x: &[L; 6]| -> [L; 6] { build(|i| (0..n).fold(L::zero(), |sum, k| a[i][k].mul_add(x[k], sum))) };
     // Gradient at the old force: residual + R f; and the constant part, gradient - (A + R) f.
     let af = times(&old);
-    let gradient: [L; 6] =
-        std::array::from_fn(|i| if i < n { residual[i] + (a[i][i] - block[i][i]) * old[i] } else { L::zero() });
-    let constant: [L; 6] = std::array::from_fn(|i| gradient[i] - af[i]);
+    let gradient: [L; 6] = build(|i| if i < n { residual[i] + (a[i][i] - block[i][i]) * old[i] } else { L::zero() });
+    let constant: [L; 6] = build(|i| gradient[i] - af[i]);
     let mut next = along_ray(n, row, &a, &old, &af, &gradient);
     friction(n, row, &a, &constant, &mut next);
-    let change: [L; 6] = std::array::from_fn(|i| L::select(acts, next[i] - old[i], L::zero()));
+    let change: [L; 6] = build(|i| L::select(acts, next[i] - old[i], L::zero()));
     let moved = times(&change);
     let mut gain = L::zero();
     for i in 0..n {
@@ -232,7 +235,7 @@ fn along_ray<L: Lane>(
         slip = u.mul_add(u, slip);
     }
     let inverse = one / slip.sqrt().max(tiny);
-    let steepest: [L; 6] = std::array::from_fn(|i| match i {
+    let steepest: [L; 6] = build(|i| match i {
         0 => one,
         _ if i < n => -(row.friction[i - 1] * row.friction[i - 1] * gradient[i] * inverse),
         _ => zero,
@@ -247,7 +250,7 @@ fn along_ray<L: Lane>(
     }
     let step = (-slope / L::select(curvature.gt(zero), curvature, one)).max(-one);
     let tip_step = (-tip_slope / tip_curvature).max(zero);
-    std::array::from_fn(|i| L::select(vanishing, tip_step * steepest[i], step.mul_add(old[i], old[i])))
+    build(|i| L::select(vanishing, tip_step * steepest[i], step.mul_add(old[i], old[i])))
 }
 
 /// The best friction within the ellipsoid of the normal force.

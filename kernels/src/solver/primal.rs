@@ -10,7 +10,7 @@ use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::ldl;
 use crate::options;
 
-/// Iterates from `warmstart` or from the smooth acceleration, whichever costs less, until the lanes of `open` have
+/// Iterates from the smooth acceleration plus `warmstart`, or without it if that costs less, until the lanes of `open` have
 /// converged. Returns the lanes that reached the limit of iterations.
 pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,
@@ -22,6 +22,7 @@ pub fn solve<L: LaneQuery>(
     rows::forces(problem, work);
     let conjugate = problem.model.options.solver == options::Solver::Cg;
     let mut open = open & !converged(problem, &work.fields);
+    let mut landed = L::Mask::splat(false);
     let mut niter = L::zero();
     let mut rounds = 0;
     while L::any(open) && rounds < problem.model.options.iterations {
@@ -33,37 +34,59 @@ pub fn solve<L: LaneQuery>(
         }
         let full = advance(problem, open, work);
         rows::forces(problem, work);
-        open = open & !converged(problem, &work.fields);
         if !conjugate {
+            landed = landed | (open & full);
             open = open & !full;
         }
+        open = open & !converged(problem, &work.fields);
         rounds += 1;
+    }
+    if L::Real::EPSILON > 1e-10 && L::any(landed) {
+        refine(problem, landed, work);
     }
     work.statistics.niter = niter;
     work.statistics.block_niter = rounds;
     open
 }
 
+/// One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That
+/// is the factor at their solution for the lanes of `landed`, which took a full step within one quadratic piece.
+fn refine<L: Lane>(problem: &Problem<'_, L>, landed: L::Mask, work: &mut SolverWork<L>) {
+    newton::search(problem, work);
+    let Solver { qacc, search, twist, .. } = &mut work.fields;
+    rows::apply(problem, search, twist, &mut work.jp);
+    for (a, p) in qacc.iter_mut().zip(search.iter()) {
+        *a = L::select(landed, *a + *p, *a);
+    }
+    for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
+        *y = L::select(landed, *y + *v, *y);
+    }
+    rows::forces(problem, work);
+}
+
 /// Chooses the start: sets qacc, M qacc and y.
 fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
     let Problem { model, inertia, constraint, acceleration, .. } = problem;
     let SolverWork { fields, y, jp, .. } = work;
-    let Solver { qacc, ma, twist, .. } = fields;
+    let Solver { qacc, ma, twist, search: warm, .. } = fields;
     let smooth = &acceleration.qacc_smooth;
+    for i in 0..warm.len() {
+        warm[i] = smooth[i] + warmstart[i];
+    }
     rows::apply(problem, smooth, twist, jp);
     add_reference(constraint, jp);
     let cold = rows::cost(constraint, jp);
-    rows::apply(problem, warmstart, twist, y);
+    rows::apply(problem, warm, twist, y);
     add_reference(constraint, y);
-    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warmstart, ma);
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warm, ma);
     let mut twice = L::zero();
     for i in 0..ma.len() {
-        twice = (warmstart[i] - smooth[i]).mul_add(ma[i] - acceleration.qfrc_smooth[i], twice);
+        twice = warmstart[i].mul_add(ma[i] - acceleration.qfrc_smooth[i], twice);
     }
-    let warm = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
-    let use_warm = if model.options.flags.warmstart { warm.lt(cold) } else { L::Mask::splat(false) };
+    let cost = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
+    let use_warm = if model.options.flags.warmstart { cost.lt(cold) } else { L::Mask::splat(false) };
     for i in 0..ma.len() {
-        qacc[i] = L::select(use_warm, warmstart[i], smooth[i]);
+        qacc[i] = L::select(use_warm, warm[i], smooth[i]);
         ma[i] = L::select(use_warm, ma[i], acceleration.qfrc_smooth[i]);
     }
     for (y, cold) in y.dof.iter_mut().zip(&jp.dof).chain(y.component.iter_mut().zip(&jp.component)) {

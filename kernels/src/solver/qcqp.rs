@@ -1,6 +1,7 @@
 //! The friction of one elliptic contact with its normal force fixed: minimise ½ uᵀQu + uᵀc over ‖u‖ ≤ r.
 
 use crate::lane::{Lane, Real};
+use crate::math::vec3::build;
 
 /// Newton steps on the secular equation.
 const STEPS: usize = 20;
@@ -27,7 +28,7 @@ pub fn minimise<L: Lane>(n: usize, q: &[[L; 5]; 5], c: &[L; 5], r: L) -> [L; 5] 
     // Exactly on the sphere.
     let scale = r / norm(n, &u).max(tiny);
     let zero = L::zero();
-    std::array::from_fn(|i| L::select(outside, L::select(usable, u[i] * scale, zero), free[i]))
+    build(|i| L::select(outside, L::select(usable, u[i] * scale, zero), free[i]))
 }
 
 fn norm<L: Lane>(n: usize, u: &[L; 5]) -> L {

@@ -1,0 +1,22 @@
+//! Convex pairs without a formula of their own: solved by a collider that the caller supplies.
+
+use super::Body;
+use super::single::Points;
+use crate::model::Shape;
+
+/// Finds the contacts of two convex shapes, one world at a time, without allocating.
+///
+/// Kernels know only this; the algorithm, and what it depends on, is the caller's. Equal arguments must give equal bits.
+pub trait ConvexCollider: Sync {
+    /// Adds the points of `a` and `b` that are within `include`, `most` at most. Positions of points lie midway between
+    /// the surfaces, normals point from `a` to `b`.
+    fn collide(
+        &self,
+        shapes: (Shape, Shape),
+        a: &Body<f64>,
+        b: &Body<f64>,
+        include: f64,
+        most: usize,
+        points: &mut Points<f64>,
+    );
+}

@@ -1,0 +1,60 @@
+//! Products of dof axes along the tree. Dofs of a free joint at a tree's root have axes that are mostly zeros, one
+//! translation along a world axis or one rotation through the tree's origin, and take part in every row: they are
+//! spelled out.
+
+use super::spatial::{Spatial, dot6};
+use crate::lane::Lane;
+use crate::model::{DofKind, Model, NONE};
+
+/// Product of dof `i`'s axis and a force.
+#[inline(always)]
+pub fn project<L: Lane>(model: &Model<L::Real>, cdof: &[Spatial<L>], i: usize, force: &Spatial<L>) -> L {
+    let s = &cdof[i];
+    match model.dofs[i].kind {
+        DofKind::FreeTranslation(k) => force[3 + k as usize],
+        DofKind::FreeRotation(_) => rotation(s, force),
+        DofKind::Slide => s[5].mul_add(force[5], s[4].mul_add(force[4], s[3] * force[3])),
+        DofKind::BallRotation(_) | DofKind::Hinge => dot6(s, force),
+    }
+}
+
+#[inline(always)]
+fn rotation<L: Lane>(s: &Spatial<L>, force: &Spatial<L>) -> L {
+    s[2].mul_add(force[2], s[1].mul_add(force[1], s[0] * force[0]))
+}
+
+/// Calls `f` with the entry in `row` (a row of the skyline, from its first column on) of each ancestor of dof `i`, and
+/// the product of the ancestor's axis and a force.
+#[inline(always)]
+pub fn project_on_ancestors<L: Lane>(
+    model: &Model<L::Real>,
+    cdof: &[Spatial<L>],
+    i: usize,
+    force: &Spatial<L>,
+    row: &mut [L],
+    f: impl Fn(&mut L, L),
+) {
+    let first = model.rows.first[i] as usize;
+    let base = model.dofs[i].free_base;
+    let mut done = 0;
+    if base != NONE {
+        let base = base as usize;
+        let translations = i.min(base + 3);
+        for (entry, x) in row[base - first..translations - first].iter_mut().zip(&force[3..]) {
+            f(entry, *x);
+        }
+        done = i.min(base + 6);
+        let rotations = translations..done;
+        for (entry, s) in row[translations - first..done - first].iter_mut().zip(&cdof[rotations]) {
+            f(entry, rotation(s, force));
+        }
+    }
+    for run in model.tree_pattern.row(i) {
+        let range = done.max(run.start as usize)..run.range().end;
+        if !range.is_empty() {
+            for (entry, s) in row[range.start - first..range.end - first].iter_mut().zip(&cdof[range]) {
+                f(entry, dot6(s, force));
+            }
+        }
+    }
+}

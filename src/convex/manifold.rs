@@ -1,0 +1,251 @@
+//! Several points where flat sides or straight edges of two shapes lie against each other.
+//!
+//! Along the contact normal each shape shows a face, an edge or neither, within a small angle. Faces and edges are seen
+//! along the normal, one clipped to the other (Sutherland and Hodgman, Reentrant polygon clipping, 1974), and every corner
+//! of what they share is a point whose distance is that between the two planes along the normal. A disk counts as a
+//! polygon of sixteen corners.
+
+use glam::{DVec2, DVec3};
+use lanesim_kernels::model::Shape;
+
+use super::support::Solid;
+
+/// Cosine of the largest angle between a face's normal and the contact normal.
+const FACE: f64 = 0.996;
+/// Largest sine of the angle by which an edge may lean out of the contact plane.
+const EDGE: f64 = 0.0888;
+/// Corners of a disk.
+const DISK: usize = 16;
+/// Most corners: each side of a convex polygon that clips adds one at most.
+const CORNERS: usize = 2 * DISK;
+/// Most points of a manifold.
+const POINTS: usize = 4;
+
+/// What a shape shows along the normal: a point on it and a polygon (or the two ends of an edge) in place.
+#[derive(Clone, Copy)]
+struct Feature {
+    len: usize,
+    corners: [DVec3; DISK],
+}
+
+impl Feature {
+    fn of(corners: &[DVec3], solid: &Solid, out: DVec3) -> Feature {
+        let mut feature = Feature { len: corners.len().min(DISK), corners: [DVec3::ZERO; DISK] };
+        for (place, corner) in feature.corners.iter_mut().zip(corners) {
+            *place = solid.place(*corner) + out * solid.radius;
+        }
+        feature
+    }
+
+    /// A normal of the feature's plane: for an edge, of the plane through it that faces the contact normal.
+    fn normal(&self, towards: DVec3) -> DVec3 {
+        let along = self.corners[1] - self.corners[0];
+        let across = if self.len > 2 { self.corners[2] - self.corners[0] } else { along.cross(towards) };
+        let normal = along.cross(across).normalize_or(towards);
+        if normal.dot(towards) < 0.0 { -normal } else { normal }
+    }
+}
+
+/// The face or edge that a solid shows in the direction `out`.
+fn feature(solid: &Solid, out: DVec3) -> Option<Feature> {
+    let d = solid.local(out);
+    let s = solid.size;
+    match solid.shape {
+        Shape::Box => {
+            if let Some(k) = (0..3).find(|&k| d[k].abs() >= FACE) {
+                let (u, v) = ((k + 1) % 3, (k + 2) % 3);
+                let corner = |x: f64, y: f64| {
+                    let mut p = DVec3::ZERO;
+                    (p[k], p[u], p[v]) = (s[k].copysign(d[k]), x * s[u], y * s[v]);
+                    p
+                };
+                let face = [corner(1.0, 1.0), corner(-1.0, 1.0), corner(-1.0, -1.0), corner(1.0, -1.0)];
+                return Some(Feature::of(&face, solid, out));
+            }
+            let k = (0..3).find(|&k| d[k].abs() <= EDGE)?;
+            let mut ends = [DVec3::new(s.x.copysign(d.x), s.y.copysign(d.y), s.z.copysign(d.z)); 2];
+            (ends[0][k], ends[1][k]) = (s[k], -s[k]);
+            Some(Feature::of(&ends, solid, out))
+        }
+        Shape::Cylinder if d.z.abs() >= FACE => {
+            let disk: [DVec3; DISK] = std::array::from_fn(|i| {
+                let (sin, cos) = CIRCLE[i];
+                DVec3::new(s.x * cos, s.x * sin, s.y.copysign(d.z))
+            });
+            Some(Feature::of(&disk, solid, out))
+        }
+        Shape::Cylinder if d.z.abs() <= EDGE => {
+            let rim = DVec3::new(d.x, d.y, 0.0) * (s.x / d.x.hypot(d.y));
+            let up = DVec3::new(0.0, 0.0, s.y);
+            Some(Feature::of(&[rim + up, rim - up], solid, out))
+        }
+        Shape::Capsule if d.z.abs() <= EDGE => {
+            let up = DVec3::new(0.0, 0.0, s.y);
+            Some(Feature::of(&[up, -up], solid, out))
+        }
+        _ => None,
+    }
+}
+
+/// A corner of the shared outline, seen along the normal, and its distance.
+#[derive(Clone, Copy, Default)]
+struct Corner {
+    at: DVec2,
+    dist: f64,
+}
+
+/// Adds the points of two flat features, `most` at most; false if the shapes touch otherwise or nothing is shared.
+///
+/// Their common normal is that of a face: of two, the one that separates more.
+pub(super) fn manifold(
+    solids: &[Solid; 2],
+    normal: DVec3,
+    most: usize,
+    add: &mut impl FnMut(f64, DVec3, DVec3),
+) -> bool {
+    let (Some(first), Some(second)) = (feature(&solids[0], normal), feature(&solids[1], -normal)) else {
+        return false;
+    };
+    if first.len < 3 && second.len < 3 {
+        return false;
+    }
+    let normal = snap(solids, [&first, &second], normal);
+    let (u, v) = normal.any_orthonormal_pair();
+    // An edge is clipped to a face; of two faces, the second to the first.
+    let (base, other) = if first.len > 2 { (&first, &second) } else { (&second, &first) };
+    let flat = |p: DVec3| DVec2::new(p.dot(u), p.dot(v));
+    let mut outline = Outline { len: 0, corners: [DVec2::ZERO; CORNERS] };
+    for corner in &other.corners[..other.len] {
+        outline.push(flat(*corner));
+    }
+    let centre: DVec2 = base.corners[..base.len].iter().map(|p| flat(*p)).sum::<DVec2>() / base.len as f64;
+    for i in 0..base.len {
+        let (p, q) = (flat(base.corners[i]), flat(base.corners[(i + 1) % base.len]));
+        let out = DVec2::new(q.y - p.y, p.x - q.x);
+        let out = if out.dot(centre - p) > 0.0 { -out } else { out };
+        outline = outline.clip(p, out.normalize_or_zero(), other.len > 2);
+    }
+    if outline.len == 0 {
+        return false;
+    }
+    let heights = [plane(&first, normal), plane(&second, normal)];
+    let mut corners = [Corner::default(); CORNERS];
+    let lift = |at: DVec2, (n, d): (DVec3, f64)| (d - at.x * u.dot(n) - at.y * v.dot(n)) / normal.dot(n);
+    for (corner, at) in corners.iter_mut().zip(&outline.corners[..outline.len]) {
+        *corner = Corner { at: *at, dist: lift(*at, heights[1]) - lift(*at, heights[0]) };
+    }
+    let kept = spread(&corners[..outline.len], most.min(POINTS));
+    for corner in kept.into_iter().flatten() {
+        let middle = 0.5 * (lift(corner.at, heights[0]) + lift(corner.at, heights[1]));
+        add(corner.dist, u * corner.at.x + v * corner.at.y + normal * middle, normal);
+    }
+    true
+}
+
+/// The normal of the features' faces along which the solids are farthest apart.
+fn snap(solids: &[Solid; 2], features: [&Feature; 2], normal: DVec3) -> DVec3 {
+    let mut best = (f64::NEG_INFINITY, normal);
+    for feature in features.into_iter().filter(|f| f.len > 2) {
+        let n = feature.normal(normal);
+        let apart = n.dot(solids[1].support(-n) - solids[0].support(n));
+        if apart > best.0 {
+            best = (apart, n);
+        }
+    }
+    best.1
+}
+
+/// The feature's plane n · p = d.
+fn plane(feature: &Feature, towards: DVec3) -> (DVec3, f64) {
+    let n = feature.normal(towards);
+    (n, n.dot(feature.corners[0]))
+}
+
+/// A polygon, or a segment, seen along the normal.
+struct Outline {
+    len: usize,
+    corners: [DVec2; CORNERS],
+}
+
+impl Outline {
+    fn push(&mut self, corner: DVec2) {
+        if let Some(place) = self.corners.get_mut(self.len) {
+            *place = corner;
+            self.len += 1;
+        }
+    }
+
+    /// The part on the inner side of the line through `p` with normal `out`.
+    fn clip(&self, p: DVec2, out: DVec2, closed: bool) -> Outline {
+        let mut left = Outline { len: 0, corners: [DVec2::ZERO; CORNERS] };
+        let slack = 1e-12;
+        for c in 0..self.len {
+            let (a, b) = (self.corners[c], self.corners[(c + 1) % self.len]);
+            let (fa, fb) = ((a - p).dot(out), (b - p).dot(out));
+            if fa <= slack {
+                left.push(a);
+            }
+            let crosses = (fa < -slack && fb > slack) || (fa > slack && fb < -slack);
+            // The last side of a segment is its first one backwards.
+            if crosses && (closed || c + 1 < self.len) {
+                left.push(a + (b - a) * (fa / (fa - fb)));
+            }
+        }
+        left
+    }
+}
+
+/// Up to `most` corners that span the outline: the deepest, the one farthest from it, and the farthest on either side of
+/// the line through both.
+fn spread(corners: &[Corner], most: usize) -> [Option<Corner>; POINTS] {
+    let mut kept = [None; POINTS];
+    if corners.len() <= most {
+        for (place, corner) in kept.iter_mut().zip(corners) {
+            *place = Some(*corner);
+        }
+        return kept;
+    }
+    let pick = |value: &dyn Fn(&Corner) -> f64| {
+        let mut best = corners[0];
+        for corner in &corners[1..] {
+            if value(corner) > value(&best) {
+                best = *corner;
+            }
+        }
+        best
+    };
+    let deepest = pick(&|c| -c.dist);
+    let farthest = pick(&|c| c.at.distance_squared(deepest.at));
+    let across = (farthest.at - deepest.at).perp();
+    let left = pick(&|c| (c.at - deepest.at).dot(across));
+    let right = pick(&|c| -(c.at - deepest.at).dot(across));
+    for (place, corner) in kept.iter_mut().zip([deepest, farthest, left, right]).take(most) {
+        *place = Some(corner);
+    }
+    kept
+}
+
+/// Sine and cosine of multiples of π/8.
+const CIRCLE: [(f64, f64); DISK] = {
+    // cos π/8 and sin π/8
+    let (c, s) = (0.923_879_532_511_286_7, 0.382_683_432_365_089_8);
+    let h = std::f64::consts::FRAC_1_SQRT_2;
+    [
+        (0.0, 1.0),
+        (s, c),
+        (h, h),
+        (c, s),
+        (1.0, 0.0),
+        (c, -s),
+        (h, -h),
+        (s, -c),
+        (0.0, -1.0),
+        (-s, -c),
+        (-h, -h),
+        (-c, -s),
+        (-1.0, 0.0),
+        (-c, s),
+        (-h, h),
+        (-s, c),
+    ]
+};

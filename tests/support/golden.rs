@@ -1,0 +1,119 @@
+//! The recorded results of MuJoCo.
+
+use std::collections::BTreeMap;
+
+use lanesim::eval::eval;
+use lanesim::npz::{self, Array};
+use lanesim::{Model, Options, Precision};
+
+use super::{all_models, load_with, repository};
+
+/// In single precision: states in which contacts are not MuJoCo's, and why.
+const F32_OTHER_CONTACTS: [(&str, usize); 1] = [
+    // Axes 5e-4 rad apart: the determinant that tells crossing from parallel segments drowns in rounding below 1e-3.
+    ("unit/capsule_parallel", 0),
+];
+
+/// In single precision: models whose accelerations may be further away, and by what factor. The condition number of the
+/// inertia matrix of thirty-one links in a row is 1e7.
+const F32_WIDER: [(&str, f64); 1] = [("zoo/chain31", 20.0)];
+
+/// A model with what MuJoCo computed for it.
+pub struct Golden {
+    /// Folder/name.
+    pub name: String,
+    /// Ours, compiled.
+    pub model: Model,
+    /// The recorded arrays.
+    pub arrays: BTreeMap<String, Array>,
+}
+
+/// The solver runs to the minimiser, as it did for the goldens.
+const CONVERGED: [(&str, &str); 3] = [("tolerance", "1e-14"), ("ls_tolerance", "1e-6"), ("iterations", "200")];
+
+impl Golden {
+    /// The model and its file.
+    pub fn read(name: &str) -> Golden {
+        let file = name.split('/').next_back().unwrap_or(name);
+        let path = repository("tests/goldens").join(format!("{file}.npz"));
+        let arrays = npz::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        Golden { name: name.into(), model: load_with(name, &CONVERGED), arrays }
+    }
+
+    /// Every model of the repository.
+    pub fn all() -> Vec<Golden> {
+        all_models().iter().map(|name| Golden::read(name)).collect()
+    }
+
+    /// An array; empty ones are not recorded.
+    pub fn array(&self, name: &str) -> Vec<f64> {
+        self.arrays.get(name).map_or(vec![], |array| array.to_f64().into_owned())
+    }
+
+    /// The recorded states.
+    pub fn inputs(&self) -> BTreeMap<String, Array> {
+        let input = |(name, array): (&String, &Array)| Some((name.strip_prefix("in/")?.to_string(), array.clone()));
+        self.arrays.iter().filter_map(input).collect()
+    }
+
+    /// Number of recorded states. A model without positions or controls has one, of no numbers.
+    pub fn states(&self) -> usize {
+        self.array("out/ncon").len()
+    }
+
+    /// The rows of an array with a leading dimension of states.
+    pub fn rows(&self, array: &[f64]) -> Vec<Vec<f64>> {
+        let n = self.states();
+        let width = array.len() / n;
+        (0..n).map(|i| array[i * width..(i + 1) * width].to_vec()).collect()
+    }
+
+    /// Whether a state has other contacts than MuJoCo's in this precision.
+    pub fn other_contacts(&self, state: usize, options: &Options) -> bool {
+        options.precision == Precision::F32 && F32_OTHER_CONTACTS.contains(&(&self.name, state))
+    }
+
+    /// By what factor accelerations may be further away in this precision.
+    pub fn wider(&self, options: &Options) -> f64 {
+        let own = F32_WIDER.iter().find(|(name, _)| *name == self.name);
+        own.filter(|_| options.precision == Precision::F32).map_or(1.0, |(_, factor)| *factor)
+    }
+
+    /// Our results, by field.
+    pub fn eval(&self, fields: &[&str], nstep: usize, options: &Options) -> BTreeMap<String, Vec<Vec<f64>>> {
+        let mut inputs = self.inputs();
+        // States of a model without inputs are all alike, and one world per state must still come out.
+        inputs.insert("time".into(), Array::vector(vec![0.0; self.states()]));
+        let outputs =
+            eval(&self.model, &inputs, fields, nstep, options).unwrap_or_else(|e| panic!("{}: {e}", self.name));
+        outputs.into_iter().map(|(name, array)| (name, self.rows(&array.to_f64()))).collect()
+    }
+}
+
+/// Collects what is wrong, to name everything at once.
+#[derive(Default)]
+pub struct Failures {
+    list: Vec<String>,
+    checked: usize,
+    worst: f64,
+}
+
+impl Failures {
+    /// Takes a comparison's result; `place` says what was compared.
+    pub fn check(&mut self, place: impl FnOnce() -> String, result: Result<f64, String>) {
+        self.checked += 1;
+        match result {
+            Ok(error) => self.worst = self.worst.max(error),
+            Err(message) => self.list.push(format!("{}{message}", place())),
+        }
+    }
+
+    /// Panics if anything was wrong, or if there was nothing to compare.
+    #[track_caller]
+    pub fn report(self) {
+        let (n, checked) = (self.list.len(), self.checked);
+        println!("{checked} comparisons, the worst that passes {:.1e}", self.worst);
+        assert!(checked > 0, "nothing was compared");
+        assert!(n == 0, "{n} of {checked} comparisons fail:\n{}", self.list.join("\n"));
+    }
+}

@@ -1,0 +1,118 @@
+//! What the test crates share: models of the repository, random numbers, comparison of fields.
+#![allow(dead_code)] // every test crate uses its own part
+
+pub mod golden;
+
+use std::path::{Path, PathBuf};
+
+use lanesim::mjcf::LoadOptions;
+use lanesim::{Backend, Model, Options, Precision};
+
+/// A path inside the repository.
+pub fn repository(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+/// Every model under `models/zoo` and `models/unit` as folder/name, sorted.
+pub fn all_models() -> Vec<String> {
+    let mut names = Vec::new();
+    for folder in ["zoo", "unit"] {
+        for entry in std::fs::read_dir(repository("models").join(folder)).expect("the models folder") {
+            let path = entry.expect("a file of the models folder").path();
+            if path.extension().is_some_and(|e| e == "xml") {
+                names.push(format!("{folder}/{}", path.file_stem().expect("a file name").to_string_lossy()));
+            }
+        }
+    }
+    names.sort();
+    names
+}
+
+/// A model of the repository by folder/name, with options replaced.
+#[track_caller]
+pub fn load_with(name: &str, overrides: &[(&str, &str)]) -> Model {
+    let overrides = overrides.iter().map(|(k, v)| ((*k).to_string(), (*v).to_string())).collect();
+    let path = repository("models").join(format!("{name}.xml"));
+    Model::from_xml_path(&path, &LoadOptions { overrides, ..LoadOptions::default() })
+        .unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// A model of the repository by folder/name.
+#[track_caller]
+pub fn load(name: &str) -> Model {
+    load_with(name, &[])
+}
+
+/// A model from MJCF text.
+#[track_caller]
+pub fn parse(text: &str) -> Model {
+    Model::from_xml_string(text, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Options with one worker thread.
+pub fn options(precision: Precision, backend: Backend) -> Options {
+    Options { precision, backend, threads: Some(1), ..Options::default() }
+}
+
+/// A stream of random numbers (splitmix64), the same on every run.
+pub struct Random(pub u64);
+
+impl Random {
+    /// 64 random bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    }
+
+    /// Uniform in [low, high).
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// `n` numbers, uniform in [-size, size).
+    pub fn vector(&mut self, n: usize, size: f64) -> Vec<f64> {
+        (0..n).map(|_| self.uniform(-size, size)).collect()
+    }
+}
+
+/// Largest magnitude.
+pub fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+/// The entry in which two vectors differ most, and by how much; NaN counts as infinite.
+pub fn worst(got: &[f64], expected: &[f64]) -> (usize, f64) {
+    let mut found = (0, 0.0);
+    for (i, (a, b)) in got.iter().zip(expected).enumerate() {
+        let error = if a == b { 0.0 } else { (a - b).abs() };
+        let error = if error.is_nan() { f64::INFINITY } else { error };
+        if error > found.1 {
+            found = (i, error);
+        }
+    }
+    found
+}
+
+/// Whether two vectors agree to `tolerance` times the larger of the expected vector's largest entry and `floor`: the error
+/// in that unit, or a message that says where they differ most.
+pub fn agree(got: &[f64], expected: &[f64], tolerance: f64, floor: f64) -> Result<f64, String> {
+    if got.len() != expected.len() {
+        return Err(format!("{} numbers instead of {}", got.len(), expected.len()));
+    }
+    let size = largest(expected).max(floor);
+    let (i, error) = worst(got, expected);
+    if error <= tolerance * size {
+        return Ok(if size > 0.0 { error / size } else { 0.0 });
+    }
+    Err(format!("[{i}] is {} instead of {}: {:.1e} of the field's size {size:.3}", got[i], expected[i], error / size))
+}
+
+/// Asserts [`agree`], naming `what`.
+#[track_caller]
+pub fn assert_agree(what: &str, got: &[f64], expected: &[f64], tolerance: f64, floor: f64) {
+    if let Err(message) = agree(got, expected, tolerance, floor) {
+        panic!("{what}{message}");
+    }
+}
