@@ -237,7 +237,7 @@ impl Output {
 
     /// Whether the stages up to the acceleration must run for it.
     pub fn is_derived(&self) -> bool {
-        !matches!(self.kind, Kind::State(_) | Kind::FullPhysics | Kind::Status)
+        !matches!(self.kind, Kind::State(_) | Kind::FullPhysics)
     }
 
     /// Numbers per world, if all worlds have the same number.
