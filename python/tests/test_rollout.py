@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import rollout as mujoco_rollout
-from test_conformance import load
+from test_conformance import EDGE, load
 
 NSTEP = 100
 NBATCH = 3
@@ -43,8 +43,11 @@ def test_trajectories_are_those_of_mujoco(rng) -> None:
     for name, exact, model in candidates():
         size = mujoco.mj_stateSize(exact, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
         start = np.empty((NBATCH, size))
+        edge = np.inf  # A contact that starts on the edge of its margin is there or not, and either is right.
         for row, data in zip(start, corpus.states(exact, NBATCH)):
             mujoco.mj_getState(exact, data, row, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+            mujoco.mj_forward(exact, data)
+            edge = min(edge, np.abs(data.contact.dist - data.contact.includemargin).min(initial=np.inf))
         control = rng.uniform(-0.5, 0.5, (NBATCH, NSTEP, exact.nu))
         state, sensordata = lanesim.rollout(model, start, control)
         wanted, wanted_sensordata = theirs(exact, start, control)
@@ -57,10 +60,13 @@ def test_trajectories_are_those_of_mujoco(rng) -> None:
         rounding = np.maximum.accumulate((np.abs(disturbed - wanted) / scale).max(axis=2), axis=1)
         allowed = 1e-6 + 100 * rounding
         judged = allowed < CHAOS
+        if edge < EDGE:
+            continue
         followed += judged.all()
         if (error > allowed)[judged].any():
             wrong.append(f"{name}: {error[judged].max():.1e} at step {np.argwhere((error > allowed) & judged)[0]}")
     assert not wrong, "\n".join(wrong)
+    print(f"{followed} models followed for {NSTEP} steps")
     assert followed >= 10
 
 
