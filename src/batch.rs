@@ -1,23 +1,28 @@
 //! The engine behind [`Worlds`](crate::Worlds): blocks of one lane type, and the workers that take them through steps.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lanesim_kernels::constraint::{Cone, DofRowKind};
+use lanesim_kernels::diagnosis;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::Model as KernelModel;
 use lanesim_kernels::pipeline::{self, Run, StageClock};
-use lanesim_kernels::state::{Status, state_len};
+use lanesim_kernels::state::{Applied, BlockStatus, Status, state_len};
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
 use crate::convex::SupportCollider;
+use crate::error::Error;
+use crate::memory;
 use crate::model::{Key, Model};
 use crate::noise;
-use crate::outputs::{Output, View};
+use crate::outputs::{Buffers, Output, View};
+use crate::plan::Plan;
 use crate::pool::Pool;
 use crate::rollout::{Controls, Rollout, Statistics, Trajectories};
 use crate::rows::{Rows, Strided};
+use crate::status::First;
 use crate::worlds::{Field, Tables};
 
 /// What [`Worlds`](crate::Worlds) needs of a batch, whatever its lane type.
@@ -28,22 +33,32 @@ pub(crate) trait Engine: Send {
     fn set(&mut self, field: Field, world: usize, values: &[f64]);
     fn get(&self, field: Field, world: usize) -> Vec<f64>;
     fn status(&self, world: usize) -> Status;
+    fn firsts(&self, world: usize) -> Vec<First>;
     fn set_status(&mut self, world: usize, status: Status);
     fn reset(&mut self, world: usize, key: &Key);
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>);
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>);
-    fn rollout_into(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
+    fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
     fn state_hash(&self) -> u64;
     fn memory(&self) -> (usize, usize);
 }
 
-/// Blocks of lane type `L`, one workspace per worker.
+/// Blocks of lane type `L`, and who takes them through steps.
 pub(crate) struct Batch<L: LaneQuery> {
+    blocks: Vec<Block<L>>,
+    crew: Crew<L>,
+}
+
+/// Workers, one workspace each, and what they need to know.
+struct Crew<L: LaneQuery> {
     model: Model,
     tables: Arc<KernelModel<L::Real>>,
     nworld: usize,
     max_contacts: usize,
-    blocks: Vec<Block<L>>,
+    /// Where diverged worlds start again; `None`: they stay frozen.
+    restart: Option<Key>,
+    /// Steps taken since the batch was made.
+    steps: u64,
     pool: Arc<Pool>,
     workers: Vec<Mutex<Worker<L>>>,
 }
@@ -53,6 +68,18 @@ struct Worker<L> {
     workspace: Workspace<L>,
     statistics: Statistics,
     clock: StageClock,
+    buffers: Buffers,
+}
+
+impl<L: LaneQuery> Worker<L> {
+    fn new(tables: &KernelModel<L::Real>) -> Self {
+        Worker {
+            workspace: Workspace::new(tables),
+            statistics: Statistics::default(),
+            clock: StageClock::default(),
+            buffers: Buffers::default(),
+        }
+    }
 }
 
 /// A block with its share of the outputs: `rows[o]` holds the block's worlds' rows of output `o`.
@@ -61,75 +88,157 @@ struct Job<'a, L> {
     worlds: usize,
     block: &'a mut Block<L>,
     rows: Vec<Rows<'a>>,
+    /// Steps taken.
+    done: usize,
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
-    pub fn new(model: &Model, nworld: usize, pool: Arc<Pool>, max_contacts: usize) -> Self {
+    /// `nworld` worlds; those that diverge start again from `restart`, if it is given.
+    pub fn new(
+        model: &Model,
+        nworld: usize,
+        pool: Arc<Pool>,
+        max_contacts: usize,
+        restart: Option<Key>,
+    ) -> Result<Self, Error> {
         let tables = L::Real::tables(model).clone();
-        let blocks =
-            (0..nworld.div_ceil(L::WIDTH)).map(|b| Block::new(&tables, L::WIDTH.min(nworld - b * L::WIDTH))).collect();
-        let workers = (0..pool.threads())
-            .map(|_| {
-                let workspace = Workspace::new(&tables);
-                Mutex::new(Worker { workspace, statistics: Statistics::default(), clock: StageClock::default() })
-            })
-            .collect();
-        Batch { model: model.clone(), tables, nworld, max_contacts, blocks, pool, workers }
+        let count = nworld.div_ceil(L::WIDTH);
+        memory::ask("the worlds", &[count, Self::block_bytes(&tables)])?;
+        let mut blocks = Vec::new();
+        let refused = |_| Error::Memory { what: "the worlds", bytes: count.checked_mul(size_of::<Block<L>>()) };
+        blocks.try_reserve_exact(count).map_err(refused)?;
+        blocks.extend((0..count).map(|b| Block::new(&tables, L::WIDTH.min(nworld - b * L::WIDTH))));
+        let workers = (0..pool.threads()).map(|_| Mutex::new(Worker::new(&tables))).collect();
+        let model = model.clone();
+        Ok(Batch { blocks, crew: Crew { model, tables, nworld, max_contacts, restart, steps: 0, pool, workers } })
     }
 
     /// Does `work` for every block, on all workers. Each of `rows` is an array of equally many entries per world; a block
     /// gets those of its worlds.
-    fn spread(&mut self, mut rows: Vec<Rows<'_>>, work: impl Fn(&Self, &mut Job<'_, L>, &mut Worker<L>) + Sync) {
-        if self.nworld == 0 {
-            return;
-        }
-        let widths: Vec<usize> = rows.iter().map(|rows| rows.len() / self.nworld).collect();
-        let mut blocks = std::mem::take(&mut self.blocks);
+    fn each(&mut self, mut rows: Vec<Rows<'_>>, work: impl Fn(&Crew<L>, &mut Job<'_, L>, &mut Worker<L>) + Sync) {
+        let Batch { blocks, crew } = self;
+        let widths: Vec<usize> = rows.iter().map(|rows| rows.len().checked_div(crew.nworld).unwrap_or(0)).collect();
         let jobs = blocks.iter_mut().enumerate().map(|(b, block)| {
             let first_world = b * L::WIDTH;
-            let worlds = L::WIDTH.min(self.nworld - first_world);
+            let worlds = L::WIDTH.min(crew.nworld - first_world);
             block.pad(worlds);
             let rows = rows.iter_mut().zip(&widths).map(|(rows, width)| rows.take(worlds * width)).collect();
-            Job { first_world, worlds, block, rows }
+            Job { first_world, worlds, block, rows, done: 0 }
         });
         let queue = Mutex::new(jobs);
-        let this = &*self;
-        this.pool.run(|thread| {
-            let mut worker = this.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+        let crew = &*crew;
+        crew.pool.run(|thread| {
+            let mut worker = crew.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
             loop {
                 // A statement of its own: the queue is locked only while the next block is taken.
                 let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
                 let Some(mut job) = next else { break };
-                work(this, &mut job, &mut worker);
+                work(crew, &mut job, &mut worker);
             }
         });
-        drop(queue);
-        self.blocks = blocks;
     }
 
+    /// Bytes of a block without forces from outside.
+    fn block_bytes(tables: &KernelModel<L::Real>) -> usize {
+        // Six vectors' allocations beside the block itself.
+        state_len::<L>(&tables.sizes) * size_of::<L>() + size_of::<Block<L>>() + 6 * 16
+    }
+}
+
+impl<L: LaneQuery<Real: Tables>> Crew<L> {
     /// Takes one block through all steps of a rollout.
-    fn run_block(&self, rollout: &Rollout<'_>, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
-        for step in 0..rollout.nstep {
-            if rollout.cancelled() {
-                return;
-            }
+    fn run_block(&self, rollout: &Rollout<'_>, plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+        self.check_state(job.block);
+        while job.done < rollout.nstep && !rollout.cancelled() {
+            let step = job.done;
             self.load_controls(rollout, step, job);
-            let Worker { workspace, statistics, clock } = worker;
-            let mut run = Run {
-                applied: job.block.applied.as_deref(),
-                clock: rollout.clock.then_some(clock),
-                max_contacts: self.max_contacts,
-                convex: &SupportCollider,
-            };
-            let alive = job.block.status.alive;
-            pipeline::step(&self.tables, &mut job.block.state, &mut run, &mut job.block.status, workspace);
-            if rollout.statistics {
-                gather(workspace, alive, statistics);
+            // A block of which all worlds are frozen is passed over, unless somebody looks at it.
+            if job.block.status.alive != 0 || plan.derived {
+                self.step_block(rollout, plan, step, job.block, worker);
             }
-            self.record(rollout, step, job, workspace);
+            self.record(rollout, step, job, worker);
+            job.done += 1;
         }
+        self.progress(rollout, job);
+    }
+
+    /// Computes outputs of one block's present states.
+    fn read_block(&self, outputs: &[Output], plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+        let Worker { workspace, buffers, .. } = worker;
+        if plan.derived {
+            self.check_state(job.block);
+            let before = job.block.status;
+            let mut run = self.run(plan, job.block.applied.as_deref());
+            pipeline::forward(&self.tables, &job.block.state, &mut run, &mut job.block.status, workspace);
+            if job.block.status != before {
+                self.note(job.block, before, 0, workspace);
+            }
+        }
+        let view = View { model: &self.model, tables: &self.tables, block: job.block, workspace };
+        for (output, rows) in outputs.iter().zip(&mut job.rows) {
+            let width = rows.len() / job.worlds;
+            (0..job.worlds).for_each(|lane| output.write(&view, lane, buffers, rows, lane * width));
+        }
+    }
+
+    fn step_block(
+        &self,
+        rollout: &Rollout<'_>,
+        plan: &Plan,
+        step: usize,
+        block: &mut Block<L>,
+        worker: &mut Worker<L>,
+    ) {
+        let before = block.status;
+        let Block { state, status, applied, .. } = block;
+        let mut run = self.run(plan, applied.as_deref());
+        run.clock = rollout.clock.then_some(&mut worker.clock);
+        pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
+        if block.status != before {
+            self.note(block, before, step, &worker.workspace);
+        }
+        if rollout.statistics {
+            worker.statistics.gather(&worker.workspace, before.alive);
+        }
+    }
+
+    fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>) -> Run<'a, L> {
+        let Plan { stages, residual, .. } = *plan;
+        Run { applied, clock: None, max_contacts: self.max_contacts, convex: &SupportCollider, stages, residual }
+    }
+
+    fn progress(&self, rollout: &Rollout<'_>, job: &Job<'_, L>) {
         if let Some(progress) = rollout.progress {
             progress.fetch_add((rollout.nstep * job.worlds) as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// Flags what a state from outside should not have. A step leaves no such state.
+    fn check_state(&self, block: &mut Block<L>) {
+        let before = block.status;
+        diagnosis::check_quaternions(&self.tables, &block.state, &mut block.status);
+        if block.status != before {
+            block.note(&before, self.steps, &|block, status, lane| {
+                diagnosis::quaternion_element(&self.tables, &block.state, status, lane)
+            });
+        }
+    }
+
+    /// Keeps what happened in a step, and starts worlds again that diverged, if that is the policy.
+    #[cold]
+    fn note(&self, block: &mut Block<L>, mut before: BlockStatus, step: usize, workspace: &Workspace<L>) {
+        let mut lost = before.alive & !block.status.alive;
+        if self.restart.is_some() {
+            // A world that starts again is not frozen.
+            before.record(Status::FROZEN, lost);
+        }
+        block.note(&before, self.steps + step as u64, &|block, status, lane| {
+            diagnosis::element(&self.tables, &block.state, workspace, status, lane)
+        });
+        let Some(key) = &self.restart else { return };
+        while lost != 0 {
+            block.restart(&self.tables.sizes, lost.trailing_zeros() as usize, key);
+            lost &= lost - 1;
         }
     }
 
@@ -147,7 +256,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
             }
             Controls::Strided { values, world, step: stride } => {
                 let ctrl = &mut job.block.state.ctrl;
-                for lane in 0..job.worlds {
+                for lane in (0..job.worlds).filter(|_| nu > 0) {
                     let row = (job.first_world + lane) * world + step * stride;
                     values.for_each(row..row + nu, |i, x| ctrl[i].set(lane, L::Real::from_f64(x)));
                 }
@@ -165,58 +274,25 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         }
     }
 
-    fn record(&self, rollout: &Rollout<'_>, step: usize, job: &mut Job<'_, L>, workspace: &mut Workspace<L>) {
-        if rollout.outputs.is_empty() {
-            return;
-        }
-        if rollout.outputs.iter().any(Output::needs_energy) {
-            pipeline::energy(&self.tables, &job.block.state, workspace);
-        }
+    fn record(&self, rollout: &Rollout<'_>, step: usize, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+        let Worker { workspace, buffers, .. } = worker;
         let view = View { model: &self.model, tables: &self.tables, block: job.block, workspace };
         for (output, rows) in rollout.outputs.iter().zip(&mut job.rows) {
             let width = rows.len() / (job.worlds * rollout.nstep);
             for lane in 0..job.worlds {
-                output.write(&view, lane, rows, (lane * rollout.nstep + step) * width);
+                output.write(&view, lane, buffers, rows, (lane * rollout.nstep + step) * width);
             }
         }
     }
 }
 
-/// Adds a step's counts to the statistics.
-fn gather<L: LaneQuery>(workspace: &Workspace<L>, alive: u32, statistics: &mut Statistics) {
-    let worlds = f64::from(alive.count_ones());
-    let count = |mask: L::Mask| f64::from((L::bits(mask) & alive).count_ones());
-    statistics.world_steps += worlds;
-    statistics.block_steps += 1.0;
-    statistics.slots += workspace.collision.contacts.len() as f64 * worlds;
-    for contact in &workspace.collision.contacts {
-        statistics.contacts += count(contact.dist.lt(L::of(L::Real::MAXVAL)));
-    }
-    for row in &workspace.constraint.dof_rows {
-        let acts = row.kind == DofRowKind::Friction;
-        statistics.rows += if acts { worlds } else { count(row.d.gt(L::zero())) };
-    }
-    for row in &workspace.constraint.contact_rows {
-        let rows = match row.cone {
-            Cone::Ray | Cone::Ellipse => row.dim,
-            Cone::Pyramid => 2 * (row.dim - 1),
-        };
-        statistics.rows += f64::from(rows) * count(row.d.gt(L::zero()));
-    }
-    let solver = &workspace.solver.statistics;
-    statistics.block_iterations += f64::from(solver.block_niter);
-    for lane in (0..L::WIDTH).filter(|lane| alive >> lane & 1 != 0) {
-        statistics.iterations += solver.niter.get(lane).to_f64();
-    }
-}
-
 impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     fn nworld(&self) -> usize {
-        self.nworld
+        self.crew.nworld
     }
 
     fn threads(&self) -> usize {
-        self.pool.threads()
+        self.crew.pool.threads()
     }
 
     fn lanes(&self) -> (usize, &'static str) {
@@ -225,64 +301,111 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
 
     fn set(&mut self, field: Field, world: usize, values: &[f64]) {
         let block = &mut self.blocks[world / L::WIDTH];
-        block.set(field, &self.tables.sizes, world % L::WIDTH, values);
+        block.set(field, &self.crew.tables.sizes, world % L::WIDTH, values);
     }
 
     fn get(&self, field: Field, world: usize) -> Vec<f64> {
-        self.blocks[world / L::WIDTH].read(field, &self.model, world % L::WIDTH)
+        let mut out = Vec::new();
+        self.blocks[world / L::WIDTH].read(field, &self.crew.tables.sizes, world % L::WIDTH, &mut out);
+        out
     }
 
     fn status(&self, world: usize) -> Status {
         self.blocks[world / L::WIDTH].status.lane(world % L::WIDTH)
     }
 
+    fn firsts(&self, world: usize) -> Vec<First> {
+        let firsts = &self.blocks[world / L::WIDTH].firsts;
+        firsts.iter().filter(|first| first.lane == world % L::WIDTH).copied().collect()
+    }
+
     fn reset(&mut self, world: usize, key: &Key) {
-        self.blocks[world / L::WIDTH].reset(&self.tables.sizes, world % L::WIDTH, key);
+        self.blocks[world / L::WIDTH].reset(&self.crew.tables.sizes, world % L::WIDTH, key);
     }
 
     fn set_status(&mut self, world: usize, status: Status) {
-        self.blocks[world / L::WIDTH].status.set_lane(world % L::WIDTH, status);
+        let block = &mut self.blocks[world / L::WIDTH];
+        block.status.set_lane(world % L::WIDTH, status);
+        block.firsts.retain(|first| first.lane != world % L::WIDTH);
     }
 
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>) {
-        self.spread(Vec::new(), |this, job, _| {
+        self.each(Vec::new(), |crew, job, _| {
             for lane in 0..job.worlds {
                 let world = job.first_world + lane;
                 if mask.is_none_or(|mask| mask[world]) {
-                    job.block.set_row(field, &this.tables.sizes, lane, rows, world);
+                    job.block.set_row(field, &crew.tables.sizes, lane, rows, world);
                 }
             }
         });
     }
 
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>) {
-        let derived = outputs.is_empty() || outputs.iter().any(Output::is_derived);
-        let energy = outputs.iter().any(Output::needs_energy);
-        self.spread(rows, |this, job, worker| {
-            let ws = &mut worker.workspace;
-            if derived {
-                let applied = job.block.applied.as_deref();
-                let mut run = Run { applied, clock: None, max_contacts: this.max_contacts, convex: &SupportCollider };
-                pipeline::forward(&this.tables, &job.block.state, &mut run, &mut job.block.status, ws);
-            }
-            if energy {
-                pipeline::energy(&this.tables, &job.block.state, ws);
-            }
-            let view = View { model: &this.model, tables: &this.tables, block: job.block, workspace: ws };
-            for (output, rows) in outputs.iter().zip(&mut job.rows) {
-                let width = rows.len() / job.worlds;
-                (0..job.worlds).for_each(|lane| output.write(&view, lane, rows, lane * width));
-            }
+        let plan = Plan::forward(outputs);
+        self.each(rows, |crew, job, worker| {
+            crew.guard(job, worker, |job, worker| crew.read_block(outputs, &plan, job, worker));
         });
     }
 
-    fn rollout_into(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories {
+    fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories {
+        let mut plan = Plan::step(rollout.outputs);
+        plan.residual |= rollout.statistics;
+        self.crew.clear();
+        self.each(rows, |crew, job, worker| {
+            let whole = crew.guard(job, worker, |job, worker| crew.run_block(rollout, &plan, job, worker));
+            if !whole {
+                crew.progress(rollout, job);
+            }
+        });
+        self.crew.steps += rollout.nstep as u64;
+        self.crew.collect()
+    }
+
+    fn state_hash(&self) -> u64 {
+        let mut hash = Fnv::default();
+        for world in 0..self.crew.nworld {
+            let state = &self.blocks[world / L::WIDTH].state;
+            for x in state.qpos.iter().chain(&state.qvel) {
+                hash.add(x.get(world % L::WIDTH).bits());
+            }
+        }
+        hash.0
+    }
+
+    fn memory(&self) -> (usize, usize) {
+        (Self::block_bytes(&self.crew.tables) / L::WIDTH, self.crew.scratch())
+    }
+}
+
+impl<L: LaneQuery<Real: Tables>> Crew<L> {
+    /// A panic in `work` costs its block's worlds, nothing else: they are frozen and flagged, and the workspace, which may
+    /// hold anything now, is made anew. Whether all went well.
+    fn guard(
+        &self,
+        job: &mut Job<'_, L>,
+        worker: &mut Worker<L>,
+        work: impl FnOnce(&mut Job<'_, L>, &mut Worker<L>),
+    ) -> bool {
+        let whole = catch_unwind(AssertUnwindSafe(|| work(job, worker))).is_ok();
+        if !whole {
+            job.block.fail(self.steps + job.done as u64);
+            worker.workspace = Workspace::new(&self.tables);
+            worker.buffers = Buffers::default();
+        }
+        whole
+    }
+
+    /// Forgets what the workers counted.
+    fn clear(&self) {
         for worker in &self.workers {
             let mut worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
             worker.statistics = Statistics::default();
             worker.clock = StageClock::default();
         }
-        self.spread(rows, |this, job, worker| this.run_block(rollout, job, worker));
+    }
+
+    /// What the workers counted.
+    fn collect(&self) -> Trajectories {
         let mut result = Trajectories::default();
         for worker in &self.workers {
             let worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
@@ -294,27 +417,6 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         result
     }
 
-    fn state_hash(&self) -> u64 {
-        let mut hash = Fnv::default();
-        for world in 0..self.nworld {
-            let state = &self.blocks[world / L::WIDTH].state;
-            for x in state.qpos.iter().chain(&state.qvel) {
-                hash.add(x.get(world % L::WIDTH).bits());
-            }
-        }
-        hash.0
-    }
-
-    fn memory(&self) -> (usize, usize) {
-        let lane = size_of::<L>() / L::WIDTH;
-        let state = state_len::<L>(&self.tables.sizes) * lane;
-        // Six vectors' allocations beside the block itself.
-        let block = (size_of::<Block<L>>() + 6 * 16) / L::WIDTH;
-        (state + block, self.scratch())
-    }
-}
-
-impl<L: LaneQuery<Real: Tables>> Batch<L> {
     /// Bytes of one workspace.
     fn scratch(&self) -> usize {
         let mut worker = self.workers[0].lock().unwrap_or_else(PoisonError::into_inner);
@@ -349,5 +451,49 @@ impl Fnv {
         for byte in word.to_le_bytes() {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wide::f64x8;
+
+    use super::*;
+
+    /// A chain of hinges; `worlds` of it.
+    fn batch(worlds: usize) -> Batch<f64x8> {
+        let text =
+            "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='.3 0 0'/></body></worldbody></mujoco>";
+        let model = Model::from_xml_string(text, &Default::default()).expect("a model");
+        Batch::new(&model, worlds, Arc::new(Pool::new(Some(2)).expect("a pool")), 10, None).expect("a batch")
+    }
+
+    #[test]
+    fn a_panic_costs_its_block_only() {
+        let (mut whole, mut broken) = (batch(20), batch(20));
+        let run = Rollout { nstep: 5, ..Rollout::default() };
+        // Any kernel that reads a position now panics.
+        let good = std::mem::take(&mut broken.blocks[1].state.qpos);
+        whole.rollout(&run, Vec::new());
+        broken.rollout(&run, Vec::new());
+        for world in 0..20 {
+            let status = broken.status(world);
+            if (8..16).contains(&world) {
+                assert_eq!(status.names(), ["CallbackFailed", "Frozen"]);
+                assert_eq!(broken.firsts(world).len(), 2);
+            } else {
+                assert_eq!(
+                    (status, broken.get(Field::Qpos, world)),
+                    (Status::default(), whole.get(Field::Qpos, world))
+                );
+            }
+        }
+        // The pool and the batch are as good as before.
+        broken.blocks[1].state.qpos = good;
+        let key = broken.crew.model.initial_key();
+        (8..16).for_each(|world| broken.reset(world, &key));
+        broken.rollout(&run, Vec::new());
+        assert_eq!(broken.get(Field::Qpos, 9), whole.get(Field::Qpos, 0));
+        assert_eq!(broken.status(9), Status::default());
     }
 }

@@ -5,6 +5,7 @@ use lanesim_kernels::model::{Model, Sizes};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
 use crate::rows::Strided;
+use crate::status::{Element, First};
 use crate::worlds::Field;
 
 /// Worlds side by side.
@@ -14,6 +15,8 @@ pub(crate) struct Block<L> {
     pub status: BlockStatus,
     /// Allocated when forces from outside are first set.
     pub applied: Option<Box<Applied<L>>>,
+    /// First time of each status of each lane; empty until something happens.
+    pub firsts: Vec<First>,
 }
 
 impl<L: LaneQuery> Block<L> {
@@ -25,7 +28,7 @@ impl<L: LaneQuery> Block<L> {
             *q = L::splat(*q0);
         }
         let alive = ((1_u64 << worlds) - 1) as u32;
-        Block { state, status: BlockStatus { alive, ..BlockStatus::default() }, applied: None }
+        Block { state, status: BlockStatus { alive, ..BlockStatus::default() }, applied: None, firsts: Vec::new() }
     }
 
     /// The field's entries; allocates forces from outside.
@@ -56,48 +59,74 @@ impl<L: LaneQuery> Block<L> {
         }
     }
 
-    /// The field's entries; none where no forces from outside were ever set.
-    pub fn entries(&self, field: Field) -> Option<&[L]> {
-        let (state, applied) = (&self.state, self.applied.as_deref());
-        match field {
-            Field::Time => Some(&state.time),
-            Field::Qpos => Some(&state.qpos),
-            Field::Qvel => Some(&state.qvel),
-            Field::Act => Some(&state.act),
-            Field::Ctrl => Some(&state.ctrl),
-            Field::QaccWarmstart => Some(&state.qacc_warmstart),
-            Field::QfrcApplied => applied.map(|forces| forces.qfrc_applied.as_slice()),
-            Field::XfrcApplied => applied.map(|forces| forces.xfrc_applied.as_flattened()),
-        }
-    }
-
-    /// A field of one lane.
-    pub fn read(&self, field: Field, model: &crate::Model, lane: usize) -> Vec<f64> {
-        match self.entries(field) {
-            Some(entries) => entries.iter().map(|x| x.get(lane).to_f64()).collect(),
-            None => vec![0.0; field.len(model)],
-        }
-    }
-
     /// Sets a field of one lane from a world's row.
     pub fn set_row(&mut self, field: Field, sizes: &Sizes, lane: usize, rows: &Strided<'_>, world: usize) {
         let entries = self.lanes(field, sizes);
         rows.row(world, entries.len(), |i, x| entries[i].set(lane, L::Real::from_f64(x)));
     }
 
+    /// Appends a field of one lane to `out`.
+    pub fn read(&self, field: Field, sizes: &Sizes, lane: usize, out: &mut Vec<f64>) {
+        let state = &self.state;
+        let mut numbers = |lanes: &[L]| out.extend(lanes.iter().map(|x| x.get(lane).to_f64()));
+        match (field, &self.applied) {
+            (Field::Time, _) => numbers(&state.time),
+            (Field::Qpos, _) => numbers(&state.qpos),
+            (Field::Qvel, _) => numbers(&state.qvel),
+            (Field::Act, _) => numbers(&state.act),
+            (Field::Ctrl, _) => numbers(&state.ctrl),
+            (Field::QaccWarmstart, _) => numbers(&state.qacc_warmstart),
+            (Field::QfrcApplied, Some(applied)) => numbers(&applied.qfrc_applied),
+            (Field::XfrcApplied, Some(applied)) => numbers(applied.xfrc_applied.as_flattened()),
+            (Field::QfrcApplied, None) => out.resize(out.len() + sizes.nv, 0.0),
+            (Field::XfrcApplied, None) => out.resize(out.len() + 6 * sizes.nbody, 0.0),
+        }
+    }
+
     /// Resets one lane: positions as given, the rest as given or zero, warm start, forces and status cleared.
     pub fn reset(&mut self, sizes: &Sizes, lane: usize, key: &crate::model::Key) {
+        self.restart(sizes, lane, key);
+        self.status.set_lane(lane, Status::default());
+        self.firsts.retain(|first| first.lane != lane);
+    }
+
+    /// Resets one lane that diverged: like [`reset`](Block::reset), but the status keeps what happened. Allocates nothing.
+    pub fn restart(&mut self, sizes: &Sizes, lane: usize, key: &crate::model::Key) {
+        let zero = L::Real::from_f64(0.0);
+        self.state.for_each(&mut |field| field.data.iter_mut().for_each(|x| x.set(lane, zero)));
+        if let Some(applied) = &mut self.applied {
+            applied.for_each(&mut |field| field.data.iter_mut().for_each(|x| x.set(lane, zero)));
+        }
         self.set(Field::Time, sizes, lane, &[key.time]);
         self.set(Field::Qpos, sizes, lane, &key.qpos);
         self.set(Field::Qvel, sizes, lane, &key.qvel);
         self.set(Field::Act, sizes, lane, &key.act);
         self.set(Field::Ctrl, sizes, lane, &key.ctrl);
-        self.set(Field::QaccWarmstart, sizes, lane, &vec![0.0; sizes.nv]);
-        if self.applied.is_some() {
-            self.set(Field::QfrcApplied, sizes, lane, &vec![0.0; sizes.nv]);
-            self.set(Field::XfrcApplied, sizes, lane, &vec![0.0; 6 * sizes.nbody]);
+        let mut status = self.status.lane(lane);
+        status.remove(Status::FROZEN);
+        self.status.set_lane(lane, status);
+    }
+
+    /// Keeps, for every status that is set now and was not `before`, that it was first set in `step`, and where.
+    pub fn note(&mut self, before: &BlockStatus, step: u64, element: &dyn Fn(&Self, Status, usize) -> Element) {
+        for (i, (status, _)) in Status::NAMES.into_iter().enumerate() {
+            let mut new = self.status.events[i] & !before.events[i];
+            while new != 0 {
+                let lane = new.trailing_zeros() as usize;
+                new &= new - 1;
+                let element = element(self, status, lane);
+                self.firsts.push(First { lane, status, step, element });
+            }
         }
-        self.status.set_lane(lane, Status::default());
+    }
+
+    /// Freezes all worlds, because code that their step called has failed.
+    pub fn fail(&mut self, step: u64) {
+        let before = self.status;
+        self.status.record(Status::CALLBACK_FAILED, before.alive);
+        self.status.record(Status::FROZEN, before.alive);
+        self.status.alive = 0;
+        self.note(&before, step, &|_, _, _| Element::World);
     }
 
     /// Lets padding lanes replicate lane 0, so that they never hold anything unusual.

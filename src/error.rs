@@ -1,6 +1,7 @@
 //! Errors of the library.
 
 use crate::diagnostics::Diagnostics;
+use crate::status::StatusEvent;
 
 /// What can go wrong outside the worlds themselves; what happens inside a world is its status.
 #[derive(Debug, thiserror::Error)]
@@ -17,10 +18,31 @@ pub enum Error {
     /// An option is out of range.
     #[error("{0}")]
     Options(String),
+    /// The system does not grant the memory.
+    #[error("{}", no_memory(what, *bytes))]
+    Memory {
+        /// What it is for.
+        what: &'static str,
+        /// Bytes asked for; `None` if they cannot be counted.
+        bytes: Option<usize>,
+    },
+    /// A world diverged, and the batch's policy makes that an error.
+    #[error("world {world} diverged: {event}")]
+    Diverged {
+        /// The world: of those that diverged first, the lowest.
+        world: usize,
+        /// What happened, when and where.
+        event: StatusEvent,
+    },
     /// The caller stopped a run before its end.
     #[error("stopped before the end")]
     Cancelled,
     /// No output, field or key of that name.
     #[error("{0}")]
     Unknown(String),
+}
+
+fn no_memory(what: &str, bytes: Option<usize>) -> String {
+    let need = bytes.map_or("more memory than can be addressed".to_owned(), |b| format!("{b} bytes of memory"));
+    format!("{what} would take {need}, which the system does not give; ask for fewer worlds, steps or outputs")
 }

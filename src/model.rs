@@ -290,9 +290,6 @@ fn round<U: Real>(tables: &kernel::Model<f64>) -> kernel::Model<U> {
     for (pair, exact) in out.pairs.iter_mut().zip(&tables.pairs) {
         pair.friction = exact.friction.map(|x| U::from_f64(x.max(U::MINMU)));
     }
-    for (loss, exact) in out.friction_losses.iter_mut().zip(&tables.friction_losses) {
-        loss.r = U::from_f64(exact.r.max(U::MINVAL));
-    }
     out
 }
 

@@ -2,9 +2,13 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use lanesim_kernels::pipeline::StageClock;
+use lanesim_kernels::constraint::DofRowKind;
+use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::stage::StageClock;
+use lanesim_kernels::workspace::Workspace;
 
 use crate::error::Error;
+use crate::memory;
 use crate::model::Model;
 use crate::outputs::Output;
 use crate::rows::Values;
@@ -61,6 +65,24 @@ impl Rollout<'_> {
         self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
     }
 
+    /// An error if strided controls end before the last row.
+    fn check_strides(&self, nu: usize, nworld: usize) -> Result<(), Error> {
+        let Controls::Strided { values, world, step } = self.controls else { return Ok(()) };
+        if nu == 0 || nworld == 0 || self.nstep == 0 {
+            return Ok(());
+        }
+        let last = (nworld - 1).checked_mul(world).zip((self.nstep - 1).checked_mul(step));
+        let end = last.and_then(|(w, t)| w.checked_add(t)).and_then(|at| at.checked_add(nu));
+        if end.is_some_and(|end| end <= values.len()) {
+            return Ok(());
+        }
+        Err(Error::Input(format!(
+            "controls have {} numbers; too few for strides ({world}, {step}) and nworld {nworld}, nstep {}, nu {nu}",
+            values.len(),
+            self.nstep
+        )))
+    }
+
     /// Checks shapes and values of the controls, and that outputs can be recorded.
     pub fn check(&self, model: &Model, nworld: usize) -> Result<(), Error> {
         if let Some(output) = self.outputs.iter().find(|output| output.width(model).is_none()) {
@@ -70,25 +92,12 @@ impl Rollout<'_> {
             )));
         }
         let nu = model.tables().sizes.nu;
-        if let Controls::Strided { values, world, step } = self.controls
-            && nu * nworld * self.nstep > 0
-        {
-            let last = (nworld - 1).checked_mul(world).zip((self.nstep - 1).checked_mul(step));
-            let end = last.and_then(|(w, t)| w.checked_add(t)).and_then(|at| at.checked_add(nu));
-            if end.is_none_or(|end| end > values.len()) {
-                return Err(Error::Input(format!(
-                    "controls have {} numbers; too few for strides ({world}, {step}) and nworld {nworld}, nstep {}, nu {nu}",
-                    values.len(),
-                    self.nstep
-                )));
-            }
-        }
+        self.check_strides(nu, nworld)?;
         let Controls::Given(controls) = self.controls else { return Ok(()) };
-        let (given, expected) = (controls.len(), nworld * self.nstep * nu);
-        if given != expected {
-            let nstep = self.nstep;
+        let (given, nstep) = (controls.len(), self.nstep);
+        if memory::product(&[nworld, nstep, nu]) != Some(given) {
             return Err(Error::Input(format!(
-                "controls have {given} numbers; expected {expected} = nworld {nworld} × nstep {nstep} × nu {nu}"
+                "controls have {given} numbers; expected nworld {nworld} × nstep {nstep} × nu {nu}"
             )));
         }
         if let Some(i) = controls.iter().position(|u| !u.is_finite()) {
@@ -115,7 +124,7 @@ pub struct Trajectories {
     pub clock: StageClock,
 }
 
-/// Sums over the steps of all blocks.
+/// Sums and maxima over the steps of all blocks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Statistics {
     /// World steps.
@@ -132,9 +141,20 @@ pub struct Statistics {
     pub iterations: f64,
     /// Solver iterations of the slowest world of each block.
     pub block_iterations: f64,
+    /// Most iterations of a world in a step.
+    pub most_iterations: f64,
+    /// Residuals of worlds (see the output `solver_residual`).
+    pub residuals: f64,
+    /// Largest residual of a world in a step.
+    pub largest_residual: f64,
 }
 
 impl Statistics {
+    /// Mean over world steps of one of the sums.
+    pub fn per_world_step(&self, sum: f64) -> f64 {
+        if self.world_steps > 0.0 { sum / self.world_steps } else { 0.0 }
+    }
+
     /// Adds another thread's sums.
     pub fn add(&mut self, other: &Statistics) {
         self.world_steps += other.world_steps;
@@ -144,5 +164,36 @@ impl Statistics {
         self.rows += other.rows;
         self.iterations += other.iterations;
         self.block_iterations += other.block_iterations;
+        self.most_iterations = self.most_iterations.max(other.most_iterations);
+        self.residuals += other.residuals;
+        self.largest_residual = self.largest_residual.max(other.largest_residual);
+    }
+
+    /// Adds the counts of a step of the worlds whose bits are set in `alive`.
+    pub(crate) fn gather<L: LaneQuery>(&mut self, workspace: &Workspace<L>, alive: u32) {
+        let worlds = f64::from(alive.count_ones());
+        let count = |mask: L::Mask| f64::from((L::bits(mask) & alive).count_ones());
+        self.world_steps += worlds;
+        self.block_steps += 1.0;
+        self.slots += workspace.collision.contacts.len() as f64 * worlds;
+        for contact in &workspace.collision.contacts {
+            self.contacts += count(contact.dist.lt(L::of(L::Real::MAXVAL)));
+        }
+        for row in &workspace.constraint.dof_rows {
+            let acts = row.kind == DofRowKind::Friction;
+            self.rows += if acts { worlds } else { count(row.d.gt(L::zero())) };
+        }
+        for row in &workspace.constraint.contact_rows {
+            self.rows += f64::from(row.rows()) * count(row.d.gt(L::zero()));
+        }
+        let solver = &workspace.solver.statistics;
+        self.block_iterations += f64::from(solver.block_niter);
+        for lane in (0..L::WIDTH).filter(|lane| alive >> lane & 1 != 0) {
+            let (niter, residual) = (solver.niter.get(lane).to_f64(), solver.residual.get(lane).to_f64());
+            self.iterations += niter;
+            self.most_iterations = self.most_iterations.max(niter);
+            self.residuals += residual;
+            self.largest_residual = self.largest_residual.max(residual);
+        }
     }
 }

@@ -134,14 +134,14 @@ impl<'a> Rows<'a> {
     }
 
     /// Writes numbers from entry `at` on, or the list of row `at`.
-    pub(crate) fn write(&mut self, at: usize, values: impl Iterator<Item = f64>) {
+    pub(crate) fn write(&mut self, at: usize, values: &[f64]) {
         match self {
-            Rows::F64(x) => x[at..].iter_mut().zip(values).for_each(|(to, x)| *to = x),
-            Rows::F32(x) => x[at..].iter_mut().zip(values).for_each(|(to, x)| *to = x as f32),
-            Rows::I32(x) => x[at..].iter_mut().zip(values).for_each(|(to, x)| *to = x as i32),
+            Rows::F64(x) => x[at..at + values.len()].copy_from_slice(values),
+            Rows::F32(x) => x[at..].iter_mut().zip(values).for_each(|(to, x)| *to = *x as f32),
+            Rows::I32(x) => x[at..].iter_mut().zip(values).for_each(|(to, x)| *to = *x as i32),
             Rows::Lists(x) => {
                 x[at].clear();
-                x[at].extend(values);
+                x[at].extend_from_slice(values);
             }
         }
     }
@@ -169,8 +169,8 @@ mod tests {
         let mut numbers = [0_f32; 5];
         let mut rows = Rows::F32(&mut numbers);
         let mut first = rows.take(2);
-        first.write(0, [1.0, 2.0].into_iter());
-        rows.write(1, [4.0].into_iter());
+        first.write(0, &[1.0, 2.0]);
+        rows.write(1, &[4.0]);
         assert_eq!((first.len(), rows.len()), (2, 3));
         assert_eq!(numbers, [1.0, 2.0, 0.0, 4.0, 0.0]);
     }

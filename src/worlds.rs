@@ -8,11 +8,13 @@ use wide::{f32x16, f64x8};
 
 use crate::batch::{Batch, Engine};
 use crate::error::Error;
-use crate::model::Model;
+use crate::memory;
+use crate::model::{Key, Model};
 use crate::outputs::Output;
 use crate::pool::Pool;
 use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
+use crate::status::{OnDiverge, StatusEvent};
 
 /// Number type of the simulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,11 +49,19 @@ pub struct Options {
     pub threads: Option<usize>,
     /// Largest number of contacts of a world; beyond it the world's status says `ContactOverflow`.
     pub max_contacts: usize,
+    /// What is done about a world that diverges.
+    pub on_diverge: OnDiverge,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { precision: Precision::F64, backend: Backend::Auto, threads: None, max_contacts: 1024 }
+        Options {
+            precision: Precision::F64,
+            backend: Backend::Auto,
+            threads: None,
+            max_contacts: 1024,
+            on_diverge: OnDiverge::Freeze,
+        }
     }
 }
 
@@ -125,12 +135,16 @@ impl Worlds {
     /// The same on the threads of a pool that others may use too, though not at the same time.
     pub fn with_pool(model: &Model, nworld: usize, options: &Options, pool: Arc<Pool>) -> Result<Self, Error> {
         let limit = options.max_contacts;
+        let restart = match options.on_diverge {
+            OnDiverge::Reset { key } => Some(key_state(model, key)?),
+            OnDiverge::Freeze | OnDiverge::Error => None,
+        };
         let scalar = options.backend == Backend::Scalar;
         let engine: Box<dyn Engine> = match (options.precision, scalar) {
-            (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, pool, limit)),
-            (Precision::F64, false) => Box::new(Batch::<f64x8>::new(model, nworld, pool, limit)),
-            (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, pool, limit)),
-            (Precision::F32, false) => Box::new(Batch::<f32x16>::new(model, nworld, pool, limit)),
+            (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, pool, limit, restart)?),
+            (Precision::F64, false) => Box::new(Batch::<f64x8>::new(model, nworld, pool, limit, restart)?),
+            (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, pool, limit, restart)?),
+            (Precision::F32, false) => Box::new(Batch::<f32x16>::new(model, nworld, pool, limit, restart)?),
         };
         Ok(Worlds { model: model.clone(), options: options.clone(), engine })
     }
@@ -215,22 +229,21 @@ impl Worlds {
         Ok(self.engine.status(world))
     }
 
+    /// For every bit of a world's status, when and where it was set first, in the order of events.
+    pub fn status_detail(&self, world: usize) -> Result<Vec<StatusEvent>, Error> {
+        self.check_world(world)?;
+        Ok(self.engine.firsts(world).iter().map(|first| StatusEvent::new(&self.model, first)).collect())
+    }
+
     /// Number of frozen worlds.
     pub fn lost(&self) -> usize {
         (0..self.nworld()).filter(|world| self.engine.status(*world).contains(Status::FROZEN)).count()
     }
 
-    /// Resets one world to a keyframe, or to the reference configuration; clears its status and warm start.
+    /// Resets one world to a keyframe, or to the reference configuration; clears all that it remembers, its status too.
     pub fn reset(&mut self, world: usize, key: Option<usize>) -> Result<(), Error> {
         self.check_world(world)?;
-        let model = self.model.clone();
-        let state = match key {
-            None => model.initial_key(),
-            Some(k) => model.keys().get(k).cloned().ok_or_else(|| {
-                Error::Unknown(format!("there is no keyframe {k}: the model has {}", model.keys().len()))
-            })?,
-        };
-        self.engine.reset(world, &state);
+        self.engine.reset(world, &key_state(&self.model, key)?);
         Ok(())
     }
 
@@ -285,6 +298,10 @@ impl Worlds {
     pub fn read_all(&mut self, names: &[&str], rows: Vec<Rows<'_>>) -> Result<(), Error> {
         let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>()?;
         self.check_rows(&outputs, &rows, 1)?;
+        if outputs.is_empty() {
+            let mut lists = vec![Vec::new(); self.nworld()];
+            self.engine.read_all(&[Output::named("status")?], vec![Rows::Lists(&mut lists)]);
+        }
         self.engine.read_all(&outputs, rows);
         Ok(())
     }
@@ -328,8 +345,10 @@ impl Worlds {
     /// Takes every world through `nstep` steps, block by block.
     pub fn rollout(&mut self, rollout: &Rollout<'_>) -> Result<Trajectories, Error> {
         rollout.check(&self.model, self.nworld())?;
-        let len = |output: &Output| self.nworld() * rollout.nstep * output.width(&self.model).unwrap_or(0);
-        let mut outputs: Vec<Vec<f64>> = rollout.outputs.iter().map(|output| vec![0.0; len(output)]).collect();
+        let zeros = |output: &Output| {
+            memory::zeros("the outputs", &[self.nworld(), rollout.nstep, output.width(&self.model).unwrap_or(0)])
+        };
+        let mut outputs = rollout.outputs.iter().map(zeros).collect::<Result<Vec<_>, _>>()?;
         let rows = outputs.iter_mut().map(|output| Rows::F64(output)).collect();
         let result = self.rollout_into(rollout, rows)?;
         Ok(Trajectories { outputs, ..result })
@@ -343,12 +362,31 @@ impl Worlds {
         }
         rollout.check(&self.model, self.nworld())?;
         self.check_rows(rollout.outputs, &rows, rollout.nstep)?;
-        let result = self.engine.rollout_into(rollout, rows);
-        if rollout.cancelled() { Err(Error::Cancelled) } else { Ok(result) }
+        let trajectories = self.engine.rollout(rollout, rows);
+        if rollout.cancelled() {
+            return Err(Error::Cancelled);
+        }
+        match self.options.on_diverge {
+            OnDiverge::Error => self.first_lost().map_or(Ok(trajectories), Err),
+            OnDiverge::Freeze | OnDiverge::Reset { .. } => Ok(trajectories),
+        }
     }
 
-    /// Computes everything up to the acceleration without stepping, and hands each world's outputs to `sink`, in the order
-    /// of worlds: world, then one array per output.
+    /// The error that names the world which was lost first.
+    fn first_lost(&self) -> Option<Error> {
+        let lost = (0..self.nworld()).filter(|world| self.engine.status(*world).contains(Status::FROZEN));
+        let cause = |world| {
+            let firsts = self.engine.firsts(world);
+            let frozen = firsts.iter().find(|first| first.status == Status::FROZEN)?.step;
+            let cause = firsts.iter().find(|first| first.step == frozen && first.status.freezes())?;
+            Some((frozen, world, StatusEvent::new(&self.model, cause)))
+        };
+        let (_, world, event) = lost.filter_map(cause).min_by_key(|(step, world, _)| (*step, *world))?;
+        Some(Error::Diverged { world, event })
+    }
+
+    /// Computes `outputs` without stepping, no more than they need, and hands each world's to `sink`, in the order of
+    /// worlds: world, then one array per output.
     pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
         let mut lists = vec![vec![Vec::new(); self.nworld()]; outputs.len()];
         self.engine.read_all(outputs, lists.iter_mut().map(|list| Rows::Lists(list)).collect());
@@ -366,6 +404,13 @@ impl Worlds {
     pub fn memory(&self) -> (usize, usize) {
         self.engine.memory()
     }
+}
+
+/// A keyframe, or the reference configuration.
+fn key_state(model: &Model, key: Option<usize>) -> Result<Key, Error> {
+    let Some(k) = key else { return Ok(model.initial_key()) };
+    let n = model.keys().len();
+    model.keys().get(k).cloned().ok_or_else(|| Error::Unknown(format!("there is no keyframe {k}: the model has {n}")))
 }
 
 /// Tables of the model for a number type.

@@ -154,6 +154,41 @@ fn what_cannot_fit_is_refused() {
 }
 
 #[test]
+fn a_diverging_world_is_named() {
+    let folder = Folder::new("diverge");
+    let stiff = folder.path("stiff.xml");
+    let text = "<mujoco><option timestep='0.1'/><worldbody><body><joint name='hip' axis='0 1 0' stiffness='1e7'/>\
+                <geom size='.1' pos='.3 0 0'/></body></worldbody></mujoco>";
+    std::fs::write(&stiff, text).unwrap();
+    let report = json(&succeeds(&["check", &stiff, "--steps", "50", "--json"]));
+    assert_eq!(report["flags"], serde_json::json!(["HugeValue", "Frozen"]));
+    let event = &report["events"][0];
+    assert_eq!((&event["step"], &event["place"]), (&2.into(), &"dof 0 of joint 0 \"hip\"".into()));
+    let again = json(&succeeds(&["check", &stiff, "--steps", "50", "--json", "--on-diverge", "reset"]));
+    assert_eq!(again["flags"], serde_json::json!(["HugeValue"]));
+    let words = "world 0 diverged: HugeValue at step 2, dof 0 of joint 0 \"hip\"";
+    fails(&["check", &stiff, "--steps", "50", "--on-diverge", "error"], 1, words);
+    let out = folder.path("out.npz");
+    let summary = json(&succeeds(&["rollout", &stiff, "--worlds", "2", "--steps", "9", "-o", &out, "--json"]));
+    assert_eq!((&summary["lost"], summary["events"].as_array().unwrap().len()), (&2.into(), 4));
+}
+
+#[test]
+fn info_says_what_runs() {
+    let plan = |more: &[&str]| json(&succeeds(&[&["info", ANT, "--json"], more].concat()))["plan"].clone();
+    let runs = |plan: &serde_json::Value, stage: &str| {
+        plan.as_array().unwrap().iter().find(|part| part["stage"] == stage).unwrap()["runs"].clone()
+    };
+    let usual = plan(&[]);
+    for (stage, expected) in [("collision", true), ("limits", true), ("dry friction", false), ("energy", false)] {
+        assert_eq!(runs(&usual, stage), expected, "{stage}");
+    }
+    assert_eq!(runs(&plan(&["--outputs", "energy"]), "energy"), true);
+    assert_eq!(runs(&plan(&["--option", "contact=disable"]), "collision"), false);
+    assert!(succeeds(&["info", ANT, "--option", "contact=disable"]).contains("contacts are switched off"));
+}
+
+#[test]
 fn eval_computes_fields() {
     let folder = Folder::new("eval");
     let (empty, out) = (folder.path("empty.npz"), folder.path("out.npz"));
@@ -189,6 +224,9 @@ fn bench_prints_its_error_beside_its_speed() {
         "ncon_mean",
         "nefc_mean",
         "solver_niter_mean",
+        "solver_niter_max",
+        "solver_residual_mean",
+        "solver_residual_max",
         "solver_niter_block_max_mean",
         "slot_occupancy",
         "state_hash",

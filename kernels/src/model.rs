@@ -649,7 +649,19 @@ pub struct Model<T> {
     pub potential_still: T,
 }
 
+impl Features {
+    /// Whether there can be passive forces.
+    pub fn passive(&self) -> bool {
+        self.springs || self.dampers || self.gravcomp
+    }
+}
+
 impl<T> Model<T> {
+    /// Whether there can be constraint rows.
+    pub fn constrained(&self) -> bool {
+        !self.pairs.is_empty() || !self.limits.is_empty() || !self.friction_losses.is_empty()
+    }
+
     /// Room for a block's lists.
     pub fn capacity(&self) -> Capacity {
         let (mut components, mut jacobian) = (0_usize, 0_usize);

@@ -46,27 +46,48 @@ impl Status {
     pub const HUGE_VALUE: Status = Status(1 << 3);
     /// A control was NaN or infinite: all controls of that step were 0.
     pub const BAD_CTRL: Status = Status(1 << 4);
+    /// A quaternion of length zero in the state: it counts as the identity.
+    pub const QUAT_ZERO: Status = Status(1 << 5);
+    /// A quaternion in the state whose length was off by more than 1e-3; its direction counts.
+    pub const QUAT_FAR: Status = Status(1 << 6);
     /// The inertia matrix had a pivot near zero.
     pub const SINGULAR_INERTIA: Status = Status(1 << 7);
     /// More contacts than the capacity.
     pub const CONTACT_OVERFLOW: Status = Status(1 << 9);
     /// The solver reached its limit of iterations.
     pub const NOT_CONVERGED: Status = Status(1 << 10);
+    /// Code that the step called failed: the world, and those that shared its block, are frozen.
+    pub const CALLBACK_FAILED: Status = Status(1 << 14);
     /// The world is frozen: its state is the last good one, and it is stepped no more.
     pub const FROZEN: Status = Status(1 << 15);
 
     /// Names of the bits, lowest first.
-    pub const NAMES: [(Status, &'static str); 9] = [
+    pub const NAMES: [(Status, &'static str); 12] = [
         (Status::NON_FINITE_POS, "NonFinitePos"),
         (Status::NON_FINITE_VEL, "NonFiniteVel"),
         (Status::NON_FINITE_ACC, "NonFiniteAcc"),
         (Status::HUGE_VALUE, "HugeValue"),
         (Status::BAD_CTRL, "BadCtrl"),
+        (Status::QUAT_ZERO, "QuatZero"),
+        (Status::QUAT_FAR, "QuatFar"),
         (Status::SINGULAR_INERTIA, "SingularInertia"),
         (Status::CONTACT_OVERFLOW, "ContactOverflow"),
         (Status::NOT_CONVERGED, "NotConverged"),
+        (Status::CALLBACK_FAILED, "CallbackFailed"),
         (Status::FROZEN, "Frozen"),
     ];
+
+    /// Whether this is one of the bits that come with [`FROZEN`](Status::FROZEN), as its cause.
+    pub fn freezes(self) -> bool {
+        matches!(
+            self,
+            Status::NON_FINITE_POS
+                | Status::NON_FINITE_VEL
+                | Status::NON_FINITE_ACC
+                | Status::HUGE_VALUE
+                | Status::CALLBACK_FAILED
+        )
+    }
 
     /// Whether all bits of `other` are set.
     pub fn contains(self, other: Status) -> bool {
@@ -78,6 +99,11 @@ impl Status {
         self.0 |= other.0;
     }
 
+    /// Clears the bits of `other`.
+    pub fn remove(&mut self, other: Status) {
+        self.0 &= !other.0;
+    }
+
     /// Names of the bits that are set.
     pub fn names(self) -> Vec<&'static str> {
         Self::NAMES.iter().filter(|(bit, _)| self.contains(*bit)).map(|(_, name)| *name).collect()
@@ -85,7 +111,7 @@ impl Status {
 }
 
 /// Status bits of a block, as lane masks kept as bit sets: bit `i` of an entry is lane `i`.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockStatus {
     /// Lanes that go on.
     pub alive: u32,

@@ -8,10 +8,11 @@ use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::Integration;
 use crate::lane::LaneQuery;
-use crate::model::Model;
+use crate::model::{Model, Sizes};
 use crate::passive::Passive;
 use crate::position::Position;
 use crate::solver::SolverWork;
+use crate::stage::Stage;
 use crate::velocity::Velocity;
 
 /// What the stages write.
@@ -32,20 +33,25 @@ pub struct Workspace<L> {
 }
 
 impl<L: LaneQuery> Workspace<L> {
-    /// A workspace for the model: everything that a step needs, allocated once.
+    /// A workspace for the model: everything that a step needs, allocated once. Stages that the model does not have get
+    /// no room.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let sizes = &model.sizes;
+        let (sizes, none) = (&model.sizes, Sizes::default());
+        // The factor of the damped inertia is needed where damping is implicit.
+        let nm = if model.features.implicit_damping { sizes.nm } else { 0 };
+        let implicit = Sizes { nm, ..sizes.clone() };
+        let if_present = |stage: Stage| if stage.present(model) { sizes } else { &none };
         Workspace {
             position: Position::new(sizes),
             inertia: Inertia::new(sizes),
             collision: Collision::new(model),
             velocity: Velocity::new(sizes),
             constraint: Constraint::new(model),
-            passive: Passive::new(sizes),
-            actuation: Actuation::new(sizes),
+            passive: Passive::new(if_present(Stage::Passive)),
+            actuation: Actuation::new(if_present(Stage::Actuation)),
             acceleration: Acceleration::new(sizes),
             solver: SolverWork::new(model),
-            integration: Integration::new(sizes),
+            integration: Integration::new(&implicit),
             energy: Energy::new(sizes),
         }
     }

@@ -69,19 +69,19 @@ fn rows(shape: &Shape) -> Rows {
 
 /// The runs of a shape.
 fn pattern(shape: &Shape) -> Pattern {
-    let mut out = Pattern::default();
+    let (mut runs, mut rows): (Vec<Span>, Vec<Span>) = (vec![], vec![]);
     for row in shape {
-        let first = out.runs.len() as u32;
+        let first = runs.len() as u32;
         for (j, there) in row.iter().enumerate() {
             if *there && j > 0 && row[j - 1] {
-                out.runs.last_mut().expect("a run").len += 1;
+                runs.last_mut().expect("a run").len += 1;
             } else if *there {
-                out.runs.push(Span { start: j as u32, len: 1 });
+                runs.push(Span { start: j as u32, len: 1 });
             }
         }
-        out.rows.push(Span { start: first, len: out.runs.len() as u32 - first });
+        rows.push(Span { start: first, len: runs.len() as u32 - first });
     }
-    out
+    Pattern::new(runs, rows)
 }
 
 /// A random positive definite matrix of the given shape: Lᵀ D L.
@@ -113,7 +113,8 @@ struct Solution<L> {
 
 fn solve<L: LaneQuery>(rows: &Rows, pattern: &Pattern, m: &[L], b: &[L]) -> Solution<L> {
     let (mut factor, mut inverse, mut x) = (m.to_vec(), vec![L::zero(); b.len()], b.to_vec());
-    let singular = L::bits(ldl::factor(rows, pattern, &mut factor, &mut inverse));
+    let mut scratch = vec![L::of(f64::NAN); b.len()];
+    let singular = L::bits(ldl::factor(rows, pattern, &mut factor, &mut inverse, &mut scratch));
     ldl::solve(rows, pattern, &factor, &inverse, &mut x);
     Solution { factor, x, singular }
 }

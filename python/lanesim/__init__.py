@@ -23,6 +23,7 @@ from .errors import (
     OptionError,
     UnknownNameError,
     UnsupportedError,
+    WorldMemoryError,
 )
 from .model import Cone, Integrator, Key, Model, Options, Report, Solver
 from .rollout import Rollout, rollout, shutdown_persistent_pool
@@ -53,6 +54,7 @@ __all__ = [
     "Status",
     "UnknownNameError",
     "UnsupportedError",
+    "WorldMemoryError",
     "Worlds",
     "__version__",
     "rollout",

@@ -13,6 +13,7 @@ __all__ = [
     "OptionError",
     "UnknownNameError",
     "UnsupportedError",
+    "WorldMemoryError",
 ]
 
 
@@ -66,4 +67,8 @@ class UnknownNameError(LanesimError, ValueError):
 
 
 class DivergedError(LanesimError, ArithmeticError):
-    """Worlds were lost, and ``on_diverge`` is "raise"."""
+    """A world diverged, and ``on_diverge`` is "raise"."""
+
+
+class WorldMemoryError(LanesimError, MemoryError):
+    """The system does not grant the memory that so many worlds or outputs would take."""

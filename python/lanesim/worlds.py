@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import copy
 import enum
-from typing import Any, Callable, Mapping, Sequence, overload
+from typing import Any, Mapping, NamedTuple, Sequence, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _arrays, _lanesim
-from .errors import DivergedError, InputError, UnsupportedError
+from .errors import InputError, UnknownNameError, UnsupportedError
 from .model import Model
-from .progress import Progress
+from .progress import Progress, following
 
-__all__ = ["Status", "Worlds"]
+__all__ = ["Status", "StatusEvent", "Worlds"]
 
 Status = enum.IntFlag("Status", _lanesim.STATUS, module=__name__)  # type: ignore[misc]
 Status.__doc__ = """What happened to a world: bits that stay set until it is reset.
@@ -24,6 +24,18 @@ have exceeded the largest magnitude. ``BadCtrl``: a control was not finite, and 
 ``SingularInertia``, ``ContactOverflow``, ``NotConverged``: results are doubtful. ``Frozen``: the world keeps its last
 good state and is stepped no more.
 """
+
+
+class StatusEvent(NamedTuple):
+    """The first time that a bit was set in a world."""
+
+    status: Any
+    """The bit, a `Status`."""
+    step: int
+    """Steps that the batch had taken before the one in which it happened."""
+    place: str
+    """Where, such as ``joint 3 "knee"``; empty: the world as a whole."""
+
 
 _FORCES = ("qfrc_applied", "xfrc_applied")
 _KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart")
@@ -54,8 +66,8 @@ class Worlds:
     precision: "f64", or "f32" for twice the worlds per vector register.
     threads: worker threads; None: as many as there are processors.
     on_diverge: what happens to worlds whose state would become NaN, infinite or huge. "freeze": they keep their last good
-        state, and `status` says so. "reset": they start anew from the reference configuration once `step` is done.
-        "raise": `step` raises `DivergedError`; the worlds are frozen.
+        state, and `status` says so. "reset": they start anew from the reference configuration and go on; `status` keeps
+        what happened. "raise": they are frozen, and `step` raises `DivergedError` once all others are done.
     backend: "auto", "wide" (SIMD lanes) or "scalar" (one world at a time; the same bits).
     max_contacts: most contacts of a world.
 
@@ -85,9 +97,8 @@ class Worlds:
         self._model = copy.copy(model)  # Options set later concern worlds made later.
         self._nworld = nworld
         self._precision = precision
-        self._on_diverge = on_diverge
         self._forced = False
-        self._w = _lanesim.Worlds(model._m, nworld, precision, backend, threads, max_contacts, _pool)
+        self._w = _lanesim.Worlds(model._m, nworld, precision, backend, threads, on_diverge, max_contacts, _pool)
 
     # ---- what it is ----------------------------------------------------------------------------------------------
 
@@ -181,6 +192,12 @@ class Worlds:
         """Number of frozen worlds."""
         return int(np.count_nonzero(self.status & Status.Frozen))
 
+    def status_detail(self, world: int) -> list[StatusEvent]:
+        """For every bit of a world's status, when and where it was first set."""
+        if not 0 <= world < self._nworld:
+            raise InputError(f"there is no world {world}: the batch has {self._nworld}, counted from 0")
+        return [StatusEvent(Status(bit), *rest) for bit, *rest in self._w.status_detail(world)]
+
     def set(self, name: str, values: ArrayLike, mask: ArrayLike | None = None) -> None:
         """Sets a field of every world, or of those where `mask` ([nworld], bool) is true.
 
@@ -210,7 +227,7 @@ class Worlds:
             "xfrc_applied": [("nbody", m.nbody), ("", 6)],
         }
         if name not in rows:
-            raise _unknown(f"there is no field {name} to set; there are {', '.join(rows)}")
+            raise UnknownNameError(f"there is no field {name} to set; there are {', '.join(rows)}")
         return rows[name]
 
     @overload
@@ -273,24 +290,8 @@ class Worlds:
         self._run(n, None, [], [], progress)
 
     def _run(self, nstep: int, controls: Any, names: list[str], targets: list[Any], progress: Progress) -> None:
-        from .progress import following
-
         with following(progress, self._nworld * nstep) as callback:
             self._w.run(nstep, controls, names, targets, callback)
-        if self._on_diverge != "freeze":
-            frozen = (self._w.statuses() & Status.Frozen) != 0
-            if frozen.any():
-                self._diverged(frozen)
-
-    def _diverged(self, frozen: NDArray[np.bool_]) -> None:
-        if self._on_diverge == "reset":
-            self.reset(frozen)
-            return
-        worlds = np.flatnonzero(frozen)
-        first = int(worlds[0])
-        names = Status(int(self.status[first]) & ~Status.Frozen)
-        raise DivergedError(f"{len(worlds)} of {self._nworld} worlds diverged; the first is world {first}: {names!r}")
-
     def forward(self) -> None:
         """Computes everything up to the acceleration for the present states, and with it `status`.
 
@@ -338,9 +339,3 @@ class Worlds:
     def state_hash(self) -> int:
         """64-bit hash of positions and velocities in the order of worlds: equal for equal bits."""
         return self._w.state_hash()
-
-
-def _unknown(text: str) -> Exception:
-    from .errors import UnknownNameError
-
-    return UnknownNameError(text)

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided};
-use lanesim::{Backend, Controls, Error, Field, Options, Precision, Rollout};
+use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Precision, Rollout};
 use lanesim_kernels::state::Status;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -95,7 +95,7 @@ type Padded<'py> = (usize, Bound<'py, PyAny>);
 #[pymethods]
 impl Worlds {
     #[new]
-    #[pyo3(signature = (model, nworld, precision, backend, threads, max_contacts, pool=None))]
+    #[pyo3(signature = (model, nworld, precision, backend, threads, on_diverge, max_contacts, pool=None))]
     fn new(
         py: Python<'_>,
         model: &Model,
@@ -103,6 +103,7 @@ impl Worlds {
         precision: &str,
         backend: &str,
         threads: Option<usize>,
+        on_diverge: &str,
         max_contacts: usize,
         pool: Option<&Pool>,
     ) -> PyResult<Self> {
@@ -114,6 +115,11 @@ impl Worlds {
                 _ => Backend::Auto,
             },
             threads,
+            on_diverge: match on_diverge {
+                "reset" => OnDiverge::Reset { key: None },
+                "raise" => OnDiverge::Error,
+                _ => OnDiverge::Freeze,
+            },
             max_contacts,
         };
         let pool = pool.map(|pool| pool.0.clone());
@@ -233,6 +239,12 @@ impl Worlds {
         let worlds = &self.acquire(py)?.state.worlds;
         let bits = (0..worlds.nworld()).map(|w| worlds.status(w).map(|status| status.0));
         Ok(bits.collect::<Result<Vec<u32>, _>>().map_err(|e| raise(py, e))?.into_pyarray(py))
+    }
+
+    /// When and where each bit of a world's status was first set: (bit, step, place).
+    fn status_detail(&self, py: Python<'_>, world: usize) -> PyResult<Vec<(u32, u64, String)>> {
+        let events = self.acquire(py)?.state.worlds.status_detail(world).map_err(|e| raise(py, e))?;
+        Ok(events.into_iter().map(|event| (event.status.0, event.step, event.place)).collect())
     }
 
     fn set_statuses(&self, py: Python<'_>, bits: PyReadonlyArray1<'_, u32>) -> PyResult<()> {

@@ -45,7 +45,7 @@ impl Bench {
     /// Measures and prints.
     pub fn run(self) -> Result<(), Failure> {
         let Loaded { model, seconds } = engine::load(&self.model)?;
-        output::notes("left out", &model.report().losses);
+        output::losses(&model);
         let accurate = engine::load_with(&self.model, &[("tolerance", "1e-12"), ("iterations", "200")])?.model;
         self.run.check_memory(&model, self.worlds)?;
         let plan = Plan {
@@ -86,6 +86,9 @@ impl Bench {
             "ncon_mean": per(s.contacts, s.world_steps),
             "nefc_mean": per(s.rows, s.world_steps),
             "solver_niter_mean": per(s.iterations, s.world_steps),
+            "solver_niter_max": s.most_iterations,
+            "solver_residual_mean": per(s.residuals, s.world_steps),
+            "solver_residual_max": s.largest_residual,
             "solver_niter_block_max_mean": per(s.block_iterations, s.block_steps),
             "slot_occupancy": per(s.contacts, s.slots),
             "state_hash": format!("{:016x}", m.hash),
@@ -140,10 +143,15 @@ fn print(record: &Map<String, Value>) -> Result<(), Failure> {
         (
             "iterations",
             format!(
-                "{:.2} mean, {:.2} slowest of a block",
+                "{:.2} mean, {:.2} slowest of a block, {:.0} most",
                 number("solver_niter_mean"),
-                number("solver_niter_block_max_mean")
+                number("solver_niter_block_max_mean"),
+                number("solver_niter_max")
             ),
+        ),
+        (
+            "residual",
+            format!("{:.1e} mean, {:.1e} largest", number("solver_residual_mean"), number("solver_residual_max")),
         ),
     ];
     let stages = record.get("stage_seconds").and_then(Value::as_object);

@@ -8,7 +8,24 @@ use lanesim::outputs::Output;
 use lanesim::{Field, Model, Options, Worlds};
 
 use super::failure::Failure;
-use super::{Backend, ModelArgs, Precision, RunArgs, memory};
+use super::{Backend, ModelArgs, OnDiverge, Precision, RunArgs, memory};
+
+/// The events of the first few worlds that have any, one line each, and how many worlds have more.
+pub fn events(worlds: &Worlds) -> Result<Vec<String>, Failure> {
+    const SHOWN: usize = 10;
+    let (mut lines, mut worlds_with) = (Vec::new(), 0);
+    for world in 0..worlds.nworld() {
+        let events = worlds.status_detail(world)?;
+        worlds_with += usize::from(!events.is_empty());
+        if worlds_with <= SHOWN {
+            lines.extend(events.iter().map(|event| format!("world {world}: {event}")));
+        }
+    }
+    if worlds_with > SHOWN {
+        lines.push(format!("{} more worlds have flags", worlds_with - SHOWN));
+    }
+    Ok(lines)
+}
 
 /// A model, and how long it took from file to tables.
 pub struct Loaded {
@@ -39,10 +56,18 @@ pub fn size(model: &Model, name: &str) -> usize {
 }
 
 impl RunArgs {
-    /// A batch as the arguments want it.
-    pub fn worlds(&self, model: &Model, nworld: usize) -> Result<Worlds, Failure> {
+    /// A batch as the arguments want it, every world in keyframe `key` if it is given.
+    pub fn worlds(&self, model: &Model, nworld: usize, key: Option<usize>) -> Result<Worlds, Failure> {
         self.check_memory(model, nworld)?;
-        Ok(Worlds::new(model, nworld, &self.options())?)
+        let mut options = self.options();
+        if let lanesim::OnDiverge::Reset { key: start } = &mut options.on_diverge {
+            *start = key;
+        }
+        let mut worlds = Worlds::new(model, nworld, &options)?;
+        if key.is_some() {
+            (0..nworld).try_for_each(|world| worlds.reset(world, key))?;
+        }
+        Ok(worlds)
     }
 
     /// An error if so many worlds cannot fit.
@@ -66,6 +91,11 @@ impl RunArgs {
                 Backend::Scalar => lanesim::Backend::Scalar,
             },
             threads: self.threads.map(|n| n as usize),
+            on_diverge: match self.on_diverge {
+                OnDiverge::Freeze => lanesim::OnDiverge::Freeze,
+                OnDiverge::Reset => lanesim::OnDiverge::Reset { key: None },
+                OnDiverge::Error => lanesim::OnDiverge::Error,
+            },
             ..Options::default()
         }
     }

@@ -64,7 +64,7 @@ impl Eval {
     /// Checks everything, then computes, then writes.
     pub fn run(self) -> Result<(), Failure> {
         let Loaded { model, .. } = engine::load(&self.model)?;
-        output::notes("left out", &model.report().losses);
+        output::losses(&model);
         let (n, states) = self.states(&model)?;
         let fields: Vec<&str> = self.fields.iter().map(|name| name.trim()).collect();
         let width: usize =

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use lanesim::Model;
+use lanesim::plan::{Part, Plan};
 use serde_json::{Map, Value, json};
 
 use super::engine::{self, Loaded};
@@ -15,6 +16,9 @@ pub struct Info {
     model: ModelArgs,
     #[command(flatten)]
     run: RunArgs,
+    /// Quantities that a rollout would record: what they need is part of what runs
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "qpos,qvel")]
+    outputs: Vec<String>,
     /// Print one JSON object; sizes have MuJoCo's names
     #[arg(long)]
     json: bool,
@@ -25,9 +29,11 @@ impl Info {
     pub fn run(self) -> Result<(), Failure> {
         let Loaded { model, seconds } = engine::load(&self.model)?;
         // A model that loads but cannot be stepped still has sizes.
-        let memory = self.run.worlds(&model, 1).map(|w| w.memory()).ok();
+        let memory = self.run.worlds(&model, 1, None).map(|w| w.memory()).ok();
+        let outputs = engine::outputs(&self.outputs)?;
+        let parts = Plan::step(&outputs).parts(&model);
         if self.json {
-            return output::json(&json_of(&model, memory, seconds));
+            return output::json(&json_of(&model, memory, seconds, &parts));
         }
         output::notes("left out", &model.report().losses);
         output::notes("note", &model.report().notes);
@@ -43,11 +49,16 @@ impl Info {
         rows.push(("cone", format!("{:?}", options.cone)));
         rows.push(("solver", format!("{:?}", options.solver)));
         rows.push(("loaded in", format!("{:.1} ms", seconds * 1e3)));
-        output::table(&rows)
+        output::table(&rows)?;
+        let line =
+            |part: &Part| (part.name, format!("{} {}", if part.runs { "runs:" } else { "left out:" }, part.what));
+        output::table(
+            &[vec![("", String::new()), ("a step", String::new())], parts.iter().map(line).collect()].concat(),
+        )
     }
 }
 
-fn json_of(model: &Model, memory: Option<(usize, usize)>, seconds: f64) -> Value {
+fn json_of(model: &Model, memory: Option<(usize, usize)>, seconds: f64, parts: &[Part]) -> Value {
     let mut out = Map::new();
     out.insert("model".into(), model.name().into());
     out.extend(model.sizes().iter().map(|(name, n)| ((*name).to_owned(), Value::from(*n))));
@@ -57,6 +68,8 @@ fn json_of(model: &Model, memory: Option<(usize, usize)>, seconds: f64) -> Value
     }
     out.insert("timestep".into(), model.tables().options.timestep.into());
     out.insert("load_seconds".into(), seconds.into());
+    let part = |part: &Part| json!({ "stage": part.name.trim(), "runs": part.runs, "what": part.what });
+    out.insert("plan".into(), parts.iter().map(part).collect());
     out.insert("losses".into(), json!(model.report().losses));
     out.insert("notes".into(), json!(model.report().notes));
     Value::Object(out)

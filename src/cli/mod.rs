@@ -78,6 +78,19 @@ struct RunArgs {
     /// Worker threads [default: all that this process may use]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     threads: Option<u32>,
+    /// What is done about a world whose state becomes non-finite or huge
+    #[arg(long, value_enum, default_value_t = OnDiverge::Freeze, value_name = "POLICY")]
+    on_diverge: OnDiverge,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum OnDiverge {
+    /// It keeps its last good state and is stepped no more
+    Freeze,
+    /// It starts again from where the command starts worlds: the keyframe, or else the reference configuration
+    Reset,
+    /// The command fails once all other worlds are done, and names it
+    Error,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

@@ -7,7 +7,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::Value;
+use lanesim::{Model, StatusEvent};
+use serde_json::{Value, json};
 
 use super::failure::Failure;
 
@@ -18,6 +19,11 @@ pub fn json(value: &Value) -> Result<(), Failure> {
     Ok(out.flush()?)
 }
 
+/// An event as JSON.
+pub fn event(event: &StatusEvent) -> Value {
+    json!({ "status": event.status.names(), "step": event.step, "place": event.place })
+}
+
 /// Prints rows of a label and a value, aligned.
 pub fn table(rows: &[(&str, String)]) -> Result<(), Failure> {
     let width = rows.iter().map(|(label, _)| label.len()).max().unwrap_or(0);
@@ -26,6 +32,38 @@ pub fn table(rows: &[(&str, String)]) -> Result<(), Failure> {
         writeln!(out, "{label:<width$}  {value}")?;
     }
     Ok(out.flush()?)
+}
+
+/// Prints what a lenient load left out; where many elements were left out for one reason, their number.
+pub fn losses(model: &Model) {
+    notes("left out", &brief(&model.report().losses));
+}
+
+/// Losses by their reason, what follows the last colon: those of a frequent one as a single line.
+fn brief(losses: &[String]) -> Vec<String> {
+    const SHOWN: usize = 3;
+    let reason = |loss: &String| loss.rsplit(": ").next().unwrap_or_default().to_owned();
+    let mut kinds: Vec<(String, Vec<&String>)> = Vec::new();
+    for loss in losses {
+        let reason = reason(loss);
+        match kinds.iter_mut().find(|(kind, _)| *kind == reason) {
+            Some((_, list)) => list.push(loss),
+            None => kinds.push((reason, vec![loss])),
+        }
+    }
+    let mut lines = Vec::new();
+    for (reason, list) in kinds {
+        if list.len() <= SHOWN {
+            lines.extend(list.into_iter().cloned());
+        } else {
+            let first = list[0].strip_suffix(&reason).unwrap_or_default().trim_end_matches(": ");
+            lines.push(format!(
+                "{} elements, from {first} on: {reason} (`lanesim info --lenient` lists them)",
+                list.len()
+            ));
+        }
+    }
+    lines
 }
 
 /// Prints remarks to standard error.
@@ -92,4 +130,23 @@ pub fn human(x: f64) -> String {
         }
     }
     format!("{x:.1} ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_losses_are_one_line() {
+        let sensor = |n: usize| format!("a.xml:{n}: gyro \"g{n}\": sensors are not supported, left out");
+        let mesh = "a.xml:3: mesh \"m\": meshes are not supported, left out".to_owned();
+        let mut losses: Vec<String> = (5..38).map(sensor).collect();
+        losses.push(mesh.clone());
+        let lines = brief(&losses);
+        assert_eq!(lines.len(), 2);
+        let start = "33 elements, from a.xml:5: gyro \"g5\" on: sensors are not supported, left out (";
+        assert!(lines[0].starts_with(start), "{}", lines[0]);
+        assert_eq!(lines[1], mesh);
+        assert_eq!(brief(&losses[..3]), losses[..3]);
+    }
 }

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueHint};
 use lanesim::npz;
+use lanesim::rollout::Statistics;
 use lanesim::{Controls, Field, Model, Worlds};
 use serde_json::json;
 
@@ -65,12 +66,12 @@ impl Rollout {
     /// Checks everything, then runs, then writes.
     pub fn run(self) -> Result<(), Failure> {
         let Loaded { model, .. } = engine::load(&self.model)?;
-        output::notes("left out", &model.report().losses);
+        output::losses(&model);
         let outputs = engine::outputs(&self.outputs)?;
         let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
         memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()])?;
         let controls = self.controls(&model)?;
-        let mut worlds = self.run.worlds(&model, self.worlds)?;
+        let mut worlds = self.run.worlds(&model, self.worlds, self.key(&model)?)?;
         self.start(&model, &mut worlds)?;
         let progress = Progress::new("rollout", self.worlds as u64 * self.steps as u64, self.json);
         let start = Instant::now();
@@ -83,6 +84,7 @@ impl Rollout {
             },
             outputs: &outputs,
             progress: Some(progress.counter()),
+            statistics: true,
             ..lanesim::Rollout::default()
         })?;
         let seconds = start.elapsed().as_secs_f64();
@@ -92,7 +94,7 @@ impl Rollout {
             arrays.push(engine::named(output, &model, &[self.worlds, self.steps], values)?);
         }
         npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))?;
-        self.summary(&model, &mut worlds, seconds)
+        self.summary(&model, &worlds, &result.statistics, seconds)
     }
 
     fn controls(&self, model: &Model) -> Result<Option<Vec<f64>>, Failure> {
@@ -106,15 +108,19 @@ impl Rollout {
         Ok(Some(controls.to_f64().into_owned()))
     }
 
-    /// Puts the worlds where they start.
-    fn start(&self, model: &Model, worlds: &mut Worlds) -> Result<(), Failure> {
-        if let Some(key) = self.keyframe {
-            if key >= model.keys().len() {
+    /// The keyframe from which worlds start.
+    fn key(&self, model: &Model) -> Result<Option<usize>, Failure> {
+        match self.keyframe {
+            Some(key) if key >= model.keys().len() => {
                 let n = model.keys().len();
-                return Err(Failure::Usage(format!("--keyframe {key}: the model has {n} keyframes, counted from 0")));
+                Err(Failure::Usage(format!("--keyframe {key}: the model has {n} keyframes, counted from 0")))
             }
-            (0..self.worlds).try_for_each(|world| worlds.reset(world, Some(key)))?;
+            key => Ok(key),
         }
+    }
+
+    /// Puts the worlds where they start, as far as the states say.
+    fn start(&self, model: &Model, worlds: &mut Worlds) -> Result<(), Failure> {
         let Some(path) = &self.states else { return Ok(()) };
         let mut inputs = Inputs::read(path)?;
         for (field, width) in [
@@ -130,21 +136,28 @@ impl Rollout {
         inputs.finish(&["time", "qpos", "qvel"])
     }
 
-    fn summary(&self, model: &Model, worlds: &mut Worlds, seconds: f64) -> Result<(), Failure> {
+    fn summary(&self, model: &Model, worlds: &Worlds, s: &Statistics, seconds: f64) -> Result<(), Failure> {
         let (lost, hash) = (worlds.lost(), format!("{:016x}", worlds.state_hash()));
         let rate = self.worlds as f64 * self.steps as f64 / seconds;
+        let (niter, residual) = (s.per_world_step(s.iterations), s.per_world_step(s.residuals));
         if self.json {
             return output::json(&json!({
                 "model": model.name(), "nworld": self.worlds, "nstep": self.steps, "seconds": seconds,
-                "steps_per_second": rate, "lost": lost, "state_hash": hash, "output": self.output,
+                "steps_per_second": rate, "lost": lost, "state_hash": hash,
+                "solver_niter_mean": niter, "solver_niter_max": s.most_iterations,
+                "solver_residual_mean": residual, "solver_residual_max": s.largest_residual,
+                "events": engine::events(worlds)?, "output": self.output,
             }));
         }
+        output::notes("flag", &engine::events(worlds)?);
         output::table(&[
             ("model", model.name().to_owned()),
             ("worlds x steps", format!("{} x {}", self.worlds, self.steps)),
             ("speed", format!("{}steps/s", output::human(rate))),
             ("lost worlds", lost.to_string()),
             ("state hash", hash),
+            ("iterations", format!("{niter:.2} mean, {:.0} most", s.most_iterations)),
+            ("residual", format!("{residual:.1e} mean, {:.1e} largest", s.largest_residual)),
             ("written", self.output.display().to_string()),
         ])
     }

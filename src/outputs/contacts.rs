@@ -4,6 +4,7 @@ use lanesim_kernels::collision::{origin, reference};
 use lanesim_kernels::constraint::{Cone, ContactRow, DofRow, DofRowKind};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::NONE;
+use lanesim_kernels::options::Solver;
 
 use super::{Kind, View, number};
 
@@ -32,6 +33,20 @@ struct Contact {
     row: Option<usize>,
 }
 
+/// Number of contacts of the world.
+pub(super) fn count<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize {
+    view.workspace.collision.contacts.iter().filter(|c| c.dist.get(lane).to_f64() < L::Real::MAXVAL).count()
+}
+
+/// Number of constraint rows of the world.
+pub(super) fn count_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize {
+    let constraint = &view.workspace.constraint;
+    let acts = |d: &L| d.get(lane).to_f64() > 0.0;
+    let contacts = constraint.contact_rows.iter().filter(|row| acts(&row.d)).map(|row| row.rows() as usize);
+    constraint.dof_rows.iter().filter(|row| acts(&row.d)).count() + contacts.sum::<usize>()
+}
+
+/// An output with one entry per contact or row.
 pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) -> Vec<f64> {
     let mut contacts = listed(view, lane);
     let rows = rows(view, lane, &mut contacts);
@@ -40,8 +55,6 @@ pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) 
     let pair = |c: &Contact| &view.tables.pairs[collision.slots[c.index].pair as usize];
     let of_contacts = |f: &dyn Fn(&Contact) -> Vec<f64>| contacts.iter().flat_map(f).collect();
     match kind {
-        Kind::Ncon => vec![contacts.len() as f64],
-        Kind::Nefc => vec![rows.len() as f64],
         Kind::ContactGeom => of_contacts(&|c| {
             [pair(c).geom1, pair(c).geom2].map(|g| f64::from(view.tables.geoms[g as usize].id)).to_vec()
         }),
@@ -87,11 +100,14 @@ fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact])
             out.push(dof_row(view, lane, row, i));
         }
     }
+    let mut edge = 0;
     for row in &constraint.contact_rows {
+        let first_edge = edge;
+        edge += if row.cone == Cone::Pyramid { 2 * (row.dim as usize - 1) } else { 0 };
         if row.d.get(lane).to_f64() > 0.0 {
             let Some(n) = contacts.iter().position(|c| c.index == row.contact as usize) else { continue };
             contacts[n].row = Some(out.len());
-            contact_rows(view, lane, row, n, &mut out);
+            contact_rows(view, lane, row, n, first_edge, &mut out);
         }
     }
     out
@@ -127,14 +143,25 @@ fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, i: us
     }
 }
 
-/// The rows of a contact: its normal, the edges of its pyramid, or its components.
-fn contact_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>, id: usize, out: &mut Vec<Row>) {
+/// The rows of a contact: its normal, the edges of its pyramid, the first of which is `first_edge` among the block's, or its
+/// components.
+fn contact_rows<L: LaneQuery>(
+    view: &View<'_, L>,
+    lane: usize,
+    row: &ContactRow<L>,
+    id: usize,
+    first_edge: usize,
+    out: &mut Vec<Row>,
+) {
     let (first, dim) = (row.component as usize, row.dim as usize);
     let components = component_jacobians(view, lane, row);
     let work = &view.workspace.solver;
     let read = |lanes: &[L]| lanes[first..first + dim].iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
     let reference = read(&view.workspace.constraint.reference);
     let (y, force) = (read(&work.y.component), read(&work.force.component));
+    // Solvers of the dual problem work on the edges' forces themselves; of the others these follow from y.
+    let options = &view.tables.options;
+    let on_edges = options.solver == Solver::Pgs || options.noslip_iterations > 0;
     let d = number(&row.d, lane);
     let margin = view.tables.pairs[row.pair as usize].margin.to_f64();
     let pos = number(&view.workspace.collision.contacts[row.contact as usize].dist, lane);
@@ -145,7 +172,8 @@ fn contact_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<
             out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[0], force: force[0] });
         }
         Cone::Pyramid => {
-            for (j, mu) in (1..dim).flat_map(|j| [(j, mu(j)), (j, -mu(j))]) {
+            let signed = (1..dim).flat_map(|j| [(j, mu(j)), (j, -mu(j))]);
+            for (edge_index, (j, mu)) in (first_edge..).zip(signed) {
                 let mix = |v: &[f64]| mu.mul_add(v[j], v[0]);
                 let edge = |dof: usize| mu.mul_add(components[j][dof], components[0][dof]);
                 out.push(Row {
@@ -156,7 +184,7 @@ fn contact_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<
                     margin,
                     d,
                     aref: -mix(&reference),
-                    force: (-d * mix(&y)).max(0.0),
+                    force: if on_edges { number(&work.edge_force[edge_index], lane) } else { (-d * mix(&y)).max(0.0) },
                 });
             }
         }

@@ -31,22 +31,38 @@ fn position<L: LaneQuery>(view: &View<'_, L>, lane: usize, placement: &Placement
     rotation(view, placement.link, lane) * local + link + origin(view, placement.link, lane)
 }
 
-pub(super) fn positions<L: LaneQuery>(view: &View<'_, L>, lane: usize, placements: &[Placement]) -> Vec<f64> {
-    placements.iter().flat_map(|placement| position(view, lane, placement).to_array()).collect()
+/// What poses are made from on their way to an output, kept from world to world.
+#[derive(Debug, Default)]
+pub(crate) struct Poses {
+    links: Vec<DQuat>,
+    centres: Vec<DVec3>,
+    moments: Vec<DVec3>,
+    masses: Vec<f64>,
 }
 
-pub(super) fn matrices<L: LaneQuery>(view: &View<'_, L>, lane: usize, placements: &[Placement]) -> Vec<f64> {
+pub(super) fn positions<L: LaneQuery>(view: &View<'_, L>, lane: usize, placements: &[Placement], out: &mut Vec<f64>) {
+    out.extend(placements.iter().flat_map(|placement| position(view, lane, placement).to_array()));
+}
+
+pub(super) fn matrices<L: LaneQuery>(view: &View<'_, L>, lane: usize, placements: &[Placement], out: &mut Vec<f64>) {
     let matrix = |placement: &Placement| {
         let local = DMat3::from_cols_array(&placement.mat).transpose();
         let world = if placement.link == NONE { local } else { rotation(view, placement.link, lane) * local };
         world.transpose().to_cols_array()
     };
-    placements.iter().flat_map(matrix).collect()
+    out.extend(placements.iter().flat_map(matrix));
 }
 
 /// Quaternions, composed from joint to joint: kernels move matrices only.
-pub(super) fn quaternions<L: LaneQuery>(view: &View<'_, L>, lane: usize, placements: &[Placement]) -> Vec<f64> {
-    let links = link_quaternions(view, lane);
+pub(super) fn quaternions<L: LaneQuery>(
+    view: &View<'_, L>,
+    lane: usize,
+    placements: &[Placement],
+    poses: &mut Poses,
+    out: &mut Vec<f64>,
+) {
+    let links = &mut poses.links;
+    link_quaternions(view, lane, links);
     let quaternion = |placement: &Placement| {
         let [w, x, y, z] = placement.quat;
         let local = DQuat::from_xyzw(x, y, z, w);
@@ -54,14 +70,14 @@ pub(super) fn quaternions<L: LaneQuery>(view: &View<'_, L>, lane: usize, placeme
         let q = q.normalize();
         [q.w, q.x, q.y, q.z]
     };
-    placements.iter().flat_map(quaternion).collect()
+    out.extend(placements.iter().flat_map(quaternion));
 }
 
-fn link_quaternions<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<DQuat> {
+fn link_quaternions<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<DQuat>) {
     let qpos = &view.block.state.qpos;
     let q = |at: u32, i: u32| number(&qpos[(at + i) as usize], lane);
     let unit = |at: u32| DQuat::from_xyzw(q(at, 1), q(at, 2), q(at, 3), q(at, 0)).normalize();
-    let mut out: Vec<DQuat> = Vec::with_capacity(view.tables.links.len());
+    out.clear();
     for link in &view.tables.links {
         let [w, x, y, z] = link.quat.map(Real::to_f64);
         let placed = DQuat::from_xyzw(x, y, z, w);
@@ -79,7 +95,6 @@ fn link_quaternions<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<DQuat>
         }
         out.push(turn);
     }
-    out
 }
 
 fn reals<'a, L: LaneQuery>(view: &'a View<'_, L>, name: &str) -> &'a [f64] {
@@ -97,56 +112,60 @@ fn integers<'a, L: LaneQuery>(view: &'a View<'_, L>, name: &str) -> &'a [i32] {
 }
 
 /// Centre of mass of each body and its descendants; the body's own where they have no mass.
-pub(super) fn subtree_com<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<[f64; 3]> {
-    let own: Vec<DVec3> = view.model.placements().inertials.iter().map(|p| position(view, lane, p)).collect();
-    let mut mass = reals(view, "body_mass").to_vec();
+pub(super) fn subtree_com<'a, L: LaneQuery>(view: &View<'_, L>, lane: usize, poses: &'a mut Poses) -> &'a [DVec3] {
+    let Poses { centres, moments, masses, .. } = poses;
+    centres.clear();
+    centres.extend(view.model.placements().inertials.iter().map(|p| position(view, lane, p)));
+    masses.clear();
+    masses.extend_from_slice(reals(view, "body_mass"));
+    moments.clear();
+    moments.extend(centres.iter().zip(masses.iter()).map(|(x, m)| *x * *m));
     let parents = integers(view, "body_parentid");
-    let mut moment: Vec<DVec3> = own.iter().zip(&mass).map(|(x, m)| *x * *m).collect();
-    for b in (1..own.len()).rev() {
+    for b in (1..centres.len()).rev() {
         let parent = parents[b] as usize;
-        mass[parent] += mass[b];
-        let carried = moment[b];
-        moment[parent] += carried;
+        masses[parent] += masses[b];
+        let carried = moments[b];
+        moments[parent] += carried;
     }
-    let centre = |((own, moment), mass): ((&DVec3, &DVec3), &f64)| {
-        if *mass < f64::MINVAL { own.to_array() } else { (*moment / *mass).to_array() }
-    };
-    own.iter().zip(&moment).zip(&mass).map(centre).collect()
+    for (centre, (moment, mass)) in centres.iter_mut().zip(moments.iter().zip(masses.iter())) {
+        if *mass >= f64::MINVAL {
+            *centre = *moment / *mass;
+        }
+    }
+    centres
 }
 
-pub(super) fn anchors<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
+pub(super) fn anchors<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
     let anchor = |(j, joint): (usize, &lanesim_kernels::model::Joint<L::Real>)| {
         (vector(&view.workspace.position.anchor[j], lane) + origin(view, joint.link, lane)).to_array()
     };
-    view.tables.joints.iter().enumerate().flat_map(anchor).collect()
+    out.extend(view.tables.joints.iter().enumerate().flat_map(anchor));
 }
 
-pub(super) fn axes<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
+pub(super) fn axes<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
     let axis = |(j, joint): (usize, &lanesim_kernels::model::Joint<L::Real>)| match joint.kind {
         // A free joint's axis is the world's z.
         JointKind::Free => [0.0, 0.0, 1.0],
         _ => vector(&view.workspace.position.axis[j], lane).to_array(),
     };
-    view.tables.joints.iter().enumerate().flat_map(axis).collect()
+    out.extend(view.tables.joints.iter().enumerate().flat_map(axis));
 }
 
 /// Dof motions at the centre of mass of the whole kinematic tree, which is MuJoCo's reference point.
-pub(super) fn cdof<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
-    let com = subtree_com(view, lane);
+pub(super) fn cdof<L: LaneQuery>(view: &View<'_, L>, lane: usize, poses: &mut Poses, out: &mut Vec<f64>) {
+    let com = subtree_com(view, lane, poses);
     let roots = integers(view, "body_rootid");
-    let mut out = Vec::with_capacity(6 * view.tables.dofs.len());
     for (dof, motion) in view.tables.dofs.iter().zip(&view.workspace.position.cdof) {
         let body = view.tables.links[dof.link as usize].body as usize;
-        let at = DVec3::from(com[roots[body] as usize]) - origin(view, dof.link, lane);
+        let at = com[roots[body] as usize] - origin(view, dof.link, lane);
         let turn = vector(&motion[..3], lane);
         let shift = vector(&motion[3..], lane) + turn.cross(at);
         out.extend(turn.to_array());
         out.extend(shift.to_array());
     }
-    out
 }
 
-pub(super) fn velocities<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
+pub(super) fn velocities<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
     let velocity = |placement: &Placement| {
         if placement.link == NONE {
             return [0.0; 6];
@@ -157,5 +176,5 @@ pub(super) fn velocities<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f
         let shift = vector(&motion[3..], lane) + turn.cross(at);
         [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
     };
-    view.model.placements().bodies.iter().flat_map(velocity).collect()
+    out.extend(view.model.placements().bodies.iter().flat_map(velocity));
 }

@@ -5,8 +5,10 @@ mod frames;
 
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::Model as KernelModel;
+use lanesim_kernels::stage::Stage;
 use lanesim_kernels::workspace::Workspace;
 
+use self::frames::Poses;
 use crate::block::Block;
 use crate::error::Error;
 use crate::model::Model;
@@ -19,6 +21,13 @@ pub(crate) struct View<'a, L: LaneQuery> {
     pub tables: &'a KernelModel<L::Real>,
     pub block: &'a Block<L>,
     pub workspace: &'a Workspace<L>,
+}
+
+/// What outputs are made in, kept from world to world.
+#[derive(Debug, Default)]
+pub(crate) struct Buffers {
+    row: Vec<f64>,
+    poses: Poses,
 }
 
 /// What an output is.
@@ -57,6 +66,7 @@ enum Kind {
     Qacc,
     Energy,
     SolverNiter,
+    SolverResidual,
     Ncon,
     Nefc,
     ContactGeom,
@@ -79,7 +89,7 @@ enum Kind {
 }
 
 /// Names, and one line each of what they are.
-const TABLE: [(&str, Kind, &str); 60] = [
+const TABLE: [(&str, Kind, &str); 61] = [
     ("time", Kind::State(Field::Time), "time, s"),
     ("qpos", Kind::State(Field::Qpos), "positions"),
     ("qvel", Kind::State(Field::Qvel), "velocities"),
@@ -121,6 +131,7 @@ const TABLE: [(&str, Kind, &str); 60] = [
     ("qacc", Kind::Qacc, "acceleration"),
     ("energy", Kind::Energy, "potential and kinetic energy, J"),
     ("solver_niter", Kind::SolverNiter, "solver iterations"),
+    ("solver_residual", Kind::SolverResidual, "gradient of the solver's cost at qacc, over mean inertia and nv"),
     ("ncon", Kind::Ncon, "number of contacts"),
     ("nefc", Kind::Nefc, "number of constraint rows"),
     ("contact_geom", Kind::ContactGeom, "geoms of contacts"),
@@ -177,9 +188,58 @@ impl Output {
         )
     }
 
-    /// Whether the energy stage must run.
-    pub(crate) fn needs_energy(&self) -> bool {
-        self.kind == Kind::Energy
+    /// The stage that computes it; `None` for the state itself.
+    pub(crate) fn stage(&self) -> Option<Stage> {
+        use Kind::{
+            ActuatorForce, ActuatorLength, ActuatorVelocity, Cdof, ContactDim, ContactDist, ContactFrame,
+            ContactFriction, ContactGeom, ContactMargin, ContactPos, EfcForce, Energy, GeomXmat, GeomXpos, GeomXquat,
+            Ncon, QM, Qacc, QaccSmooth, QfrcActuator, QfrcBias, QfrcConstraint, QfrcGravcomp, QfrcPassive, QfrcSmooth,
+            SiteXmat, SiteXpos, SiteXquat, SolverNiter, SolverResidual, State, Status, SubtreeCom, Ximat, Xipos, Xmat,
+            Xpos, Xquat, Xvel,
+        };
+        Some(match self.kind {
+            State(_) | Kind::FullPhysics => return None,
+            Xpos
+            | Xquat
+            | Xmat
+            | Xipos
+            | Ximat
+            | SubtreeCom
+            | GeomXpos
+            | GeomXquat
+            | GeomXmat
+            | SiteXpos
+            | SiteXquat
+            | SiteXmat
+            | Kind::Xanchor
+            | Kind::Xaxis
+            | Cdof => Stage::Position,
+            QM => Stage::Inertia,
+            Ncon | ContactGeom | ContactDim | ContactDist | ContactPos | ContactFrame | ContactFriction
+            | ContactMargin => Stage::Collision,
+            Xvel | QfrcBias => Stage::Velocity,
+            Energy => Stage::Energy,
+            Kind::Nefc
+            | Kind::ContactEfc
+            | Kind::EfcType
+            | Kind::EfcId
+            | Kind::EfcJ
+            | Kind::EfcPos
+            | Kind::EfcMargin
+            | Kind::EfcD
+            | Kind::EfcR
+            | Kind::EfcAref => Stage::Constraint,
+            QfrcPassive | QfrcGravcomp => Stage::Passive,
+            ActuatorLength | ActuatorVelocity | ActuatorForce | QfrcActuator => Stage::Actuation,
+            QfrcSmooth | QaccSmooth => Stage::Acceleration,
+            // What a forward run flags, it flags anywhere up to the solver.
+            QfrcConstraint | Qacc | SolverNiter | SolverResidual | EfcForce | Status => Stage::Solver,
+        })
+    }
+
+    /// Whether it needs the solver's residual.
+    pub(crate) fn needs_residual(&self) -> bool {
+        self.kind == Kind::SolverResidual
     }
 
     /// Shape per world; `None` where the first dimension, of which this is the rest, differs between worlds.
@@ -189,7 +249,12 @@ impl Output {
         let ragged = |shape: &[usize]| (false, shape.to_vec());
         match self.kind {
             Kind::State(Field::XfrcApplied) => fixed(&[s.nbody, 6]),
-            Kind::State(Field::Time) | Kind::Status | Kind::SolverNiter | Kind::Ncon | Kind::Nefc => fixed(&[]),
+            Kind::State(Field::Time)
+            | Kind::Status
+            | Kind::SolverNiter
+            | Kind::SolverResidual
+            | Kind::Ncon
+            | Kind::Nefc => fixed(&[]),
             Kind::State(field) => fixed(&[field.len(model)]),
             Kind::FullPhysics => fixed(&[1 + s.nq + s.nv + s.na]),
             Kind::Xpos | Kind::Xipos | Kind::SubtreeCom => fixed(&[s.nbody, 3]),
@@ -235,76 +300,80 @@ impl Output {
         }
     }
 
-    /// Whether the stages up to the acceleration must run for it.
-    pub fn is_derived(&self) -> bool {
-        !matches!(self.kind, Kind::State(_) | Kind::FullPhysics)
-    }
-
     /// Numbers per world, if all worlds have the same number.
     pub fn width(&self, model: &Model) -> Option<usize> {
         let (fixed, shape) = self.shape(model);
         fixed.then(|| shape.iter().product())
     }
 
-    /// Writes a world's numbers to `out`, from entry `at` on.
-    pub(crate) fn write<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, out: &mut Rows<'_>, at: usize) {
-        let state = &view.block.state;
-        match self.kind {
-            Kind::State(field) => match view.block.entries(field) {
-                Some(entries) => out.write(at, entries.iter().map(|x| x.get(lane).to_f64())),
-                None => out.write(at, std::iter::repeat_n(0.0, field.len(view.model))),
-            },
-            Kind::FullPhysics => {
-                let parts = state.time.iter().chain(&state.qpos).chain(&state.qvel).chain(&state.act);
-                out.write(at, parts.map(|x| x.get(lane).to_f64()));
-            }
-            _ => out.write(at, self.values(view, lane).into_iter()),
-        }
+    /// Writes a world's numbers to `out`, from entry `at` on. Allocates nothing once the buffers have grown.
+    pub(crate) fn write<L: LaneQuery>(
+        &self,
+        view: &View<'_, L>,
+        lane: usize,
+        buffers: &mut Buffers,
+        out: &mut Rows<'_>,
+        at: usize,
+    ) {
+        let Buffers { row, poses } = buffers;
+        row.clear();
+        self.extend(view, lane, poses, row);
+        out.write(at, row);
     }
 
-    /// A world's numbers.
-    pub(crate) fn values<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize) -> Vec<f64> {
+    /// Appends a world's numbers to `out`.
+    fn extend<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, poses: &mut Poses, out: &mut Vec<f64>) {
         let ws = view.workspace;
-        let read = |lanes: &[L]| lanes.iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
         let placements = view.model.placements();
+        let (nv, nu) = (view.tables.sizes.nv, view.tables.sizes.nu);
+        // A stage that the model does not have keeps no numbers: they are zero.
+        let read = |lanes: &[L], n: usize, out: &mut Vec<f64>| {
+            let end = out.len() + n;
+            out.extend(lanes.iter().map(|x| number(x, lane)));
+            out.resize(end, 0.0);
+        };
         match self.kind {
-            Kind::State(field) => view.block.read(field, view.model, lane),
+            Kind::State(field) => view.block.read(field, &view.tables.sizes, lane, out),
             Kind::FullPhysics => {
-                let fields = [Field::Time, Field::Qpos, Field::Qvel, Field::Act];
-                fields.into_iter().flat_map(|field| view.block.read(field, view.model, lane)).collect()
+                for field in [Field::Time, Field::Qpos, Field::Qvel, Field::Act] {
+                    view.block.read(field, &view.tables.sizes, lane, out);
+                }
             }
-            Kind::Status => vec![f64::from(view.block.status.lane(lane).0)],
-            Kind::Xpos => frames::positions(view, lane, &placements.bodies),
-            Kind::Xquat => frames::quaternions(view, lane, &placements.bodies),
-            Kind::Xmat => frames::matrices(view, lane, &placements.bodies),
-            Kind::Xipos => frames::positions(view, lane, &placements.inertials),
-            Kind::Ximat => frames::matrices(view, lane, &placements.inertials),
-            Kind::SubtreeCom => frames::subtree_com(view, lane).into_flattened(),
-            Kind::GeomXpos => frames::positions(view, lane, &placements.geoms),
-            Kind::GeomXquat => frames::quaternions(view, lane, &placements.geoms),
-            Kind::GeomXmat => frames::matrices(view, lane, &placements.geoms),
-            Kind::SiteXpos => frames::positions(view, lane, &placements.sites),
-            Kind::SiteXquat => frames::quaternions(view, lane, &placements.sites),
-            Kind::SiteXmat => frames::matrices(view, lane, &placements.sites),
-            Kind::Xanchor => frames::anchors(view, lane),
-            Kind::Xaxis => frames::axes(view, lane),
-            Kind::Cdof => frames::cdof(view, lane),
-            Kind::Xvel => frames::velocities(view, lane),
-            Kind::ActuatorLength => read(&ws.actuation.length),
-            Kind::ActuatorVelocity => read(&ws.actuation.velocity),
-            Kind::ActuatorForce => read(&ws.actuation.force),
-            Kind::QfrcActuator => read(&ws.actuation.qfrc_actuator),
-            Kind::QM => dense_inertia(view, lane),
-            Kind::QfrcBias => read(&ws.velocity.qfrc_bias),
-            Kind::QfrcPassive => read(&ws.passive.qfrc_passive),
-            Kind::QfrcGravcomp => read(&ws.passive.qfrc_gravcomp),
-            Kind::QfrcSmooth => read(&ws.acceleration.qfrc_smooth),
-            Kind::QaccSmooth => read(&ws.acceleration.qacc_smooth),
-            Kind::QfrcConstraint => read(&ws.solver.fields.qfrc_constraint),
-            Kind::Qacc => read(&ws.solver.fields.qacc),
-            Kind::Energy => vec![number(&ws.energy.potential[0], lane), number(&ws.energy.kinetic[0], lane)],
-            Kind::SolverNiter => vec![number(&ws.solver.statistics.niter, lane)],
-            _ => contacts::values(self.kind, view, lane),
+            Kind::Status => out.push(f64::from(view.block.status.lane(lane).0)),
+            Kind::Xpos => frames::positions(view, lane, &placements.bodies, out),
+            Kind::Xquat => frames::quaternions(view, lane, &placements.bodies, poses, out),
+            Kind::Xmat => frames::matrices(view, lane, &placements.bodies, out),
+            Kind::Xipos => frames::positions(view, lane, &placements.inertials, out),
+            Kind::Ximat => frames::matrices(view, lane, &placements.inertials, out),
+            Kind::SubtreeCom => out.extend(frames::subtree_com(view, lane, poses).iter().flat_map(|x| x.to_array())),
+            Kind::GeomXpos => frames::positions(view, lane, &placements.geoms, out),
+            Kind::GeomXquat => frames::quaternions(view, lane, &placements.geoms, poses, out),
+            Kind::GeomXmat => frames::matrices(view, lane, &placements.geoms, out),
+            Kind::SiteXpos => frames::positions(view, lane, &placements.sites, out),
+            Kind::SiteXquat => frames::quaternions(view, lane, &placements.sites, poses, out),
+            Kind::SiteXmat => frames::matrices(view, lane, &placements.sites, out),
+            Kind::Xanchor => frames::anchors(view, lane, out),
+            Kind::Xaxis => frames::axes(view, lane, out),
+            Kind::Cdof => frames::cdof(view, lane, poses, out),
+            Kind::Xvel => frames::velocities(view, lane, out),
+            Kind::ActuatorLength => read(&ws.actuation.length, nu, out),
+            Kind::ActuatorVelocity => read(&ws.actuation.velocity, nu, out),
+            Kind::ActuatorForce => read(&ws.actuation.force, nu, out),
+            Kind::QfrcActuator => read(&ws.actuation.qfrc_actuator, nv, out),
+            Kind::QM => dense_inertia(view, lane, out),
+            Kind::QfrcBias => read(&ws.velocity.qfrc_bias, nv, out),
+            Kind::QfrcPassive => read(&ws.passive.qfrc_passive, nv, out),
+            Kind::QfrcGravcomp => read(&ws.passive.qfrc_gravcomp, nv, out),
+            Kind::QfrcSmooth => read(&ws.acceleration.qfrc_smooth, nv, out),
+            Kind::QaccSmooth => read(&ws.acceleration.qacc_smooth, nv, out),
+            Kind::QfrcConstraint => read(&ws.solver.fields.qfrc_constraint, nv, out),
+            Kind::Qacc => read(&ws.solver.fields.qacc, nv, out),
+            Kind::Energy => out.extend([&ws.energy.potential[0], &ws.energy.kinetic[0]].map(|x| number(x, lane))),
+            Kind::SolverNiter => out.push(number(&ws.solver.statistics.niter, lane)),
+            Kind::SolverResidual => out.push(number(&ws.solver.statistics.residual, lane)),
+            Kind::Ncon => out.push(contacts::count(view, lane) as f64),
+            Kind::Nefc => out.push(contacts::count_rows(view, lane) as f64),
+            _ => out.extend(contacts::values(self.kind, view, lane)),
         }
     }
 }
@@ -314,10 +383,12 @@ fn number<L: LaneQuery>(x: &L, lane: usize) -> f64 {
     x.get(lane).to_f64() + 0.0
 }
 
-/// The inertia matrix as nv × nv numbers.
-fn dense_inertia<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
+/// Appends the inertia matrix as nv × nv numbers.
+fn dense_inertia<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
     let nv = view.tables.sizes.nv;
-    let mut out = vec![0.0; nv * nv];
+    let start = out.len();
+    out.resize(start + nv * nv, 0.0);
+    let out = &mut out[start..];
     for i in 0..nv {
         let columns = view.tables.tree_pattern.row(i).iter().flat_map(|run| run.range()).chain([i]);
         for j in columns {
@@ -326,5 +397,4 @@ fn dense_inertia<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<f64> {
             out[j * nv + i] = x;
         }
     }
-    out
 }

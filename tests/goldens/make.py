@@ -14,7 +14,8 @@ One file per model. Names are MuJoCo's, behind a prefix:
     size/   nq nv nu nbody ...
 
 The solver runs to 1e-14 in at most 200 iterations without warm start, so constrained results are the minimiser and not a
-solver's path to it. A state is used only if it is not on a knife's edge: after moving qpos by 1e-9 it must have the same
+solver's path to it. With elliptic cones the solver stops when the cost does not improve, a little early; it then goes on
+from where it stopped. A state is used only if it is not on a knife's edge: after moving qpos by 1e-9 it must have the same
 contacts at nearly the same places and nearly the same acceleration.
 """
 
@@ -47,6 +48,7 @@ ROWS = "efc_type efc_id efc_pos efc_D efc_R efc_aref efc_force".split()
 NAMES = {"includemargin": "margin", "efc_address": "efc"}
 SETTLE = 500  # steps under control noise before a state in contact is taken
 CHOICES = 4  # states of a kind from which one is chosen
+AGAIN = 3  # runs of the solver for elliptic cones, each from the last one's result
 TRIES = 40  # states tried before a kind of state is given up
 
 
@@ -157,6 +159,10 @@ def start(model, state):
 def forward(model, state):
     data = start(model, state)
     mujoco.mj_forward(model, data)
+    if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC:
+        for _ in range(AGAIN):
+            data.qacc_warmstart[:] = data.qacc
+            mujoco.mj_forward(model, data)
     return data
 
 
@@ -231,7 +237,10 @@ def record(path):
     for state in states:
         data = forward(model, state)
         outs.append(results(model, data))
+        warm = np.array(data.qacc)
         data = start(model, state)
+        if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC:
+            data.qacc_warmstart[:] = warm
         mujoco.mj_step(model, data)
         for k, v in after.items():
             v.append(np.array(getattr(data, k)))

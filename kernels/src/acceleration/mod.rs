@@ -40,8 +40,9 @@ pub fn smooth_force<L: Lane>(
     acceleration: &mut Acceleration<L>,
 ) {
     let force = &mut acceleration.qfrc_smooth;
-    for i in 0..force.len() {
-        force[i] = passive.qfrc_passive[i] - velocity.qfrc_bias[i];
+    for (i, f) in force.iter_mut().enumerate() {
+        let passive = if model.features.passive() { passive.qfrc_passive[i] } else { L::zero() };
+        *f = passive - velocity.qfrc_bias[i];
     }
     if model.features.actuation {
         for (f, a) in force.iter_mut().zip(&actuation.qfrc_actuator) {

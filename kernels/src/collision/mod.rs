@@ -57,6 +57,8 @@ pub struct Contact<L> {
 pub struct Collision<L> {
     /// Geom poses.
     pub colliders: Colliders<L>,
+    /// Geoms whose orientation is that of this step: what stands still, and what some pair needed.
+    pub oriented: Vec<bool>,
     /// Origin of each contact, in the order of pairs and points.
     pub slots: Vec<Slot>,
     /// The contacts.
@@ -93,8 +95,14 @@ impl<L: Lane> Body<L> {
 impl<L: LaneQuery> Collision<L> {
     /// Room for the contacts that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
+        let mut colliders = Colliders::new(&model.sizes);
+        for (g, geom) in model.geoms.iter().enumerate().filter(|(_, geom)| geom.link == NONE) {
+            colliders.pos[g] = splat(&geom.pos);
+            colliders.rot[g] = splat(&geom.rot);
+        }
         Collision {
-            colliders: Colliders::new(&model.sizes),
+            colliders,
+            oriented: vec![true; model.geoms.len()],
             slots: Vec::with_capacity(model.capacity().contacts),
             contacts: Vec::with_capacity(model.capacity().contacts),
         }
@@ -117,18 +125,28 @@ pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32
     if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
-/// Poses of the colliders.
-pub fn place<L: Lane>(model: &Model<L::Real>, position: &Position<L>, colliders: &mut Colliders<L>) {
-    for (g, geom) in model.geoms.iter().enumerate() {
-        if geom.link == NONE {
-            colliders.pos[g] = splat(&geom.pos);
-            colliders.rot[g] = splat(&geom.rot);
-            continue;
-        }
+/// Centres of the geoms that move. Their orientations wait until a pair needs them; what stands still was placed before.
+fn place<L: Lane>(model: &Model<L::Real>, position: &Position<L>, collision: &mut Collision<L>) {
+    for (g, geom) in model.geoms.iter().enumerate().filter(|(_, geom)| geom.link != NONE) {
         let l = geom.link as usize;
-        let rot = &position.rot[l];
-        colliders.pos[g] = mul_add(rot, &splat(&geom.pos), &position.pos[l]);
+        collision.colliders.pos[g] = mul_add(&position.rot[l], &splat(&geom.pos), &position.pos[l]);
+        collision.oriented[g] = false;
+    }
+}
+
+/// Orientation of a geom, if it is not known yet.
+fn orient<L: Lane>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    g: usize,
+    colliders: &mut Colliders<L>,
+    oriented: &mut [bool],
+) {
+    if !oriented[g] {
+        let geom = &model.geoms[g];
+        let rot = &position.rot[geom.link as usize];
         colliders.rot[g] = if geom.aligned { *rot } else { mul_mat(rot, &splat(&geom.rot)) };
+        oriented[g] = true;
     }
 }
 
@@ -142,10 +160,10 @@ pub fn collide<L: LaneQuery>(
     convex: &dyn ConvexCollider,
     collision: &mut Collision<L>,
 ) -> L::Mask {
-    let Collision { colliders, slots, contacts } = collision;
+    place(model, position, collision);
+    let Collision { colliders, oriented, slots, contacts } = collision;
     slots.clear();
     contacts.clear();
-    place(model, position, colliders);
     let may_overflow = model.sizes.nslot > capacity;
     let mut count = L::zero();
     let mut overflow = L::Mask::splat(false);
@@ -157,6 +175,8 @@ pub fn collide<L: LaneQuery>(
             continue;
         }
         // Orientations, sizes and the rest are fetched for the few pairs that are near.
+        orient(model, position, pair.geom1 as usize, colliders, oriented);
+        orient(model, position, pair.geom2 as usize, colliders, oriented);
         let body =
             |k: usize, g: u32| Body { pos: centres[k], rot: colliders.rot[g as usize], size: splat(&geoms[k].size) };
         let (first, second) = (body(0, pair.geom1), body(1, pair.geom2));
@@ -204,7 +224,7 @@ fn centres<L: Lane>(
     [centre(pair.geom1, pair.link1), centre(pair.geom2, pair.link2)]
 }
 
-/// Whether the bounding spheres of a pair, or a plane and a bounding sphere, are within reach.
+/// Whether the bounding spheres of a pair, or a plane (which stands still) and a bounding sphere, are within reach.
 #[inline(always)]
 fn near<L: Lane>(
     pair: &Pair<L::Real>,

@@ -1,7 +1,7 @@
 //! Dry friction and joint limits.
 
 use super::{Constraint, DofRow, DofRowKind, impedance};
-use crate::lane::{Lane, LaneQuery, Real};
+use crate::lane::{Lane, LaneQuery};
 use crate::math::quat;
 use crate::math::vec3::{dot, neg, zero};
 use crate::model::{Impedance, Limit, Model};
@@ -70,11 +70,15 @@ fn push<L: LaneQuery>(
     rows.push(DofRow { kind, id: id as u32, dof: limit.dof, axis, pos, d, reference, bound: L::zero() });
 }
 
+/// Least regulariser: of rows between bodies that weigh nothing against each other. Not a rounding threshold, so the same
+/// in every precision.
+const MIN_REGULARISER: f64 = 1e-15;
+
 /// D = 1/R with R = `factor` Â (1 - d)/d, and minus the reference acceleration b v + k d r.
 #[inline(always)]
 pub(super) fn row<L: Lane>(model: &Impedance<L::Real>, pos: L, speed: L, diagonal: L, factor: L) -> (L, L) {
     let imp = impedance(model, pos);
-    let r = ((L::one() - imp) / imp * diagonal).max(L::of(L::Real::MINVAL));
+    let r = ((L::one() - imp) / imp * diagonal).max(L::of(MIN_REGULARISER));
     let reference = L::splat(model.b).mul_add(speed, L::splat(model.k) * imp * pos);
     (L::one() / (r * factor), reference)
 }

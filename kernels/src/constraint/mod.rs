@@ -90,6 +90,16 @@ pub struct ContactRow<L> {
     pub mu: L,
 }
 
+impl<L> ContactRow<L> {
+    /// Number of constraint rows that the contact counts as.
+    pub fn rows(&self) -> u32 {
+        match self.cone {
+            Cone::Ray | Cone::Ellipse => self.dim,
+            Cone::Pyramid => 2 * (self.dim - 1),
+        }
+    }
+}
+
 /// Constraint rows of a block.
 #[derive(Clone, Debug)]
 pub struct Constraint<L> {

@@ -147,6 +147,8 @@ impl<L: LaneQuery> Edges<L> {
             let newton = alpha - first / second;
             let middle = (low + high) * L::of(0.5);
             let inside = newton.gt(low) & newton.lt(high);
+            // Without a bracket above, a Newton step that rounding stops is the end.
+            let middle = L::select(middle.within(L::Real::MAX), middle, alpha);
             let next = L::select(inside, newton, middle);
             // No representable step left.
             open = open & !next.eq(alpha);
@@ -155,10 +157,10 @@ impl<L: LaneQuery> Edges<L> {
         alpha
     }
 
-    /// Whether every row stays in one quadratic piece of its cost on the way to `alpha`: none changes between acting and
-    /// not acting, or sticking and sliding.
-    pub fn unchanged(&self, alpha: L) -> L::Mask {
-        let zero = L::zero();
+    /// Whether every row stays in one quadratic piece of its cost on a full step: none changes between acting and not
+    /// acting, or sticking and sliding.
+    pub fn unchanged(&self) -> L::Mask {
+        let (zero, alpha) = (L::zero(), L::one());
         let mut same = L::Mask::splat(true);
         for [y, v, dv] in &self.edges {
             let z = alpha.mul_add(*v, *y);

@@ -15,14 +15,17 @@ mod noslip;
 mod pgs;
 mod primal;
 mod qcqp;
+mod residual;
 mod rows;
+
+pub use residual::measure_residual;
 
 use crate::acceleration::Acceleration;
 use crate::constraint::Constraint;
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery, Mask};
-use crate::model::{Capacity, Model, NONE, Pattern};
+use crate::model::{Capacity, Model, NONE, Pattern, Sizes};
 use crate::options;
 use crate::position::Position;
 
@@ -105,6 +108,16 @@ pub struct Statistics<L> {
     pub niter: L,
     /// Iterations of the slowest world of the block.
     pub block_niter: u32,
+    /// ‖gradient of the primal cost‖ / (mean inertia · nv) at the acceleration found, if it was asked for: what Newton's
+    /// method and conjugate gradients hold against the tolerance.
+    pub residual: L,
+}
+
+impl<L: Lane> Statistics<L> {
+    /// Those of a solve that had nothing to do.
+    pub fn none() -> Self {
+        Statistics { niter: L::zero(), block_niter: 0, residual: L::zero() }
+    }
 }
 
 /// Everything that a solver needs beyond the constraint's rows.
@@ -118,6 +131,8 @@ pub struct SolverWork<L> {
     pub jp: RowVector<L>,
     /// Force: per dof row, and per contact component.
     pub force: RowVector<L>,
+    /// Forces for the residual; empty until one is asked for.
+    pub spare: RowVector<L>,
     /// One-sided rows, for the line search.
     pub edges: edges::Edges<L>,
     /// Force of each edge of the pyramidal contacts, contact by contact (dual solvers and the no-slip pass).
@@ -136,17 +151,21 @@ impl<L: LaneQuery> SolverWork<L> {
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+        // Without constraints, only the acceleration is passed on.
+        let sizes =
+            if model.constrained() { model.sizes.clone() } else { Sizes { nv: model.sizes.nv, ..Sizes::default() } };
         SolverWork {
-            fields: Solver::new(&model.sizes),
+            fields: Solver::new(&sizes),
             y: RowVector::with_capacity(dof, component),
             jp: RowVector::with_capacity(dof, component),
             force: RowVector::with_capacity(dof, component),
+            spare: RowVector::with_capacity(0, 0),
             edges: edges::Edges::with_capacity(dof + 2 * component),
             edge_force: Vec::new(),
             dual: dual::Dual::new(model, dof, component),
-            fill: fill::Fill::new(&model.sizes),
+            fill: fill::Fill::new(&sizes),
             touched: vec![false; model.sizes.nlink],
-            statistics: Statistics { niter: L::zero(), block_niter: 0 },
+            statistics: Statistics::none(),
         }
     }
 }

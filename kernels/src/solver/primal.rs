@@ -95,7 +95,7 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
 }
 
 /// y = J x becomes J x - a_ref.
-fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut super::RowVector<L>) {
+pub(super) fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut super::RowVector<L>) {
     for (y, row) in y.dof.iter_mut().zip(&constraint.dof_rows) {
         *y += row.reference;
     }
@@ -136,9 +136,15 @@ fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
     // Newton's direction is no worse after a rough search; conjugacy is lost by one.
     let conjugate = model.options.solver == options::Solver::Cg;
     let precision = model.options.ls_tolerance * if conjugate { 1e-6 } else { 1.0 };
-    let tolerance = descent.abs() * L::of(precision);
-    let alpha = work.edges.search(slope, curvature, tolerance, model.options.ls_iterations, open);
-    let alpha = L::select(open, alpha, L::zero());
+    let tolerance = descent.abs() * L::of(precision.max(8.0 * L::Real::EPSILON));
+    let full = if conjugate { L::Mask::splat(false) } else { work.edges.unchanged() };
+    let searching = open & !full;
+    let alpha = if L::any(searching) {
+        work.edges.search(slope, curvature, tolerance, model.options.ls_iterations, searching)
+    } else {
+        L::one()
+    };
+    let alpha = L::select(searching, alpha, L::one());
     for i in 0..search.len() {
         qacc[i] = L::select(open, alpha.mul_add(search[i], qacc[i]), qacc[i]);
         ma[i] = L::select(open, alpha.mul_add(msearch[i], ma[i]), ma[i]);
@@ -146,5 +152,5 @@ fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
     for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
         *y = L::select(open, alpha.mul_add(*v, *y), *y);
     }
-    work.edges.unchanged(alpha) & alpha.eq(L::one())
+    full
 }

@@ -1,0 +1,139 @@
+//! The stages of a step: their order, what each reads, which of them a model has, and what they cost.
+
+use std::ops::BitOr;
+use std::time::{Duration, Instant};
+
+use crate::model::Model;
+
+/// The stages of a step, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)] // each variant is the module of the same name
+pub enum Stage {
+    Position,
+    Inertia,
+    Collision,
+    Velocity,
+    Energy,
+    Constraint,
+    Passive,
+    Actuation,
+    Acceleration,
+    Solver,
+    Integration,
+}
+
+impl Stage {
+    /// All stages, with their names.
+    pub const ALL: [(Stage, &'static str); 11] = [
+        (Stage::Position, "position"),
+        (Stage::Inertia, "inertia"),
+        (Stage::Collision, "collision"),
+        (Stage::Velocity, "velocity"),
+        (Stage::Energy, "energy"),
+        (Stage::Constraint, "constraint"),
+        (Stage::Passive, "passive"),
+        (Stage::Actuation, "actuation"),
+        (Stage::Acceleration, "acceleration"),
+        (Stage::Solver, "solver"),
+        (Stage::Integration, "integration"),
+    ];
+
+    /// The stages whose results it reads.
+    pub fn reads(self) -> &'static [Stage] {
+        use Stage::{Acceleration, Actuation, Collision, Constraint, Inertia, Passive, Position, Solver, Velocity};
+        match self {
+            Position => &[],
+            Inertia | Collision | Passive => &[Position],
+            Velocity | Stage::Energy => &[Position, Inertia],
+            Constraint => &[Position, Collision, Velocity],
+            Actuation => &[Passive],
+            Acceleration => &[Inertia, Velocity, Passive, Actuation],
+            Solver => &[Constraint, Acceleration],
+            Stage::Integration => &[Solver],
+        }
+    }
+
+    /// Whether the model gives the stage anything to do.
+    pub fn present<T>(self, model: &Model<T>) -> bool {
+        match self {
+            Stage::Collision => !model.pairs.is_empty(),
+            Stage::Constraint => model.constrained(),
+            Stage::Passive => model.features.passive(),
+            // Lengths are there to be read even where actuation is off.
+            Stage::Actuation => !model.actuators.is_empty(),
+            _ => true,
+        }
+    }
+}
+
+/// A set of stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stages(u16);
+
+impl Stages {
+    /// None.
+    pub const NONE: Stages = Stages(0);
+    /// Those that a step needs: all but energy.
+    pub const STEP: Stages = Stages(((1 << Stage::ALL.len()) - 1) & !(1 << Stage::Energy as u16));
+
+    /// The stage, and all stages whose results it needs.
+    pub fn up_to(stage: Stage) -> Stages {
+        let own = Stages(1 << stage as u16);
+        stage.reads().iter().fold(own, |all, read| all | Stages::up_to(*read))
+    }
+
+    /// Whether the stage belongs to the set.
+    pub fn has(self, stage: Stage) -> bool {
+        self.0 >> stage as u16 & 1 != 0
+    }
+}
+
+impl BitOr for Stages {
+    type Output = Stages;
+    fn bitor(self, other: Stages) -> Stages {
+        Stages(self.0 | other.0)
+    }
+}
+
+/// Where the time of steps goes.
+#[derive(Clone, Debug)]
+pub struct StageClock {
+    last: Instant,
+    /// Time per stage, in the order of [`Stage::ALL`].
+    pub spent: [Duration; Stage::ALL.len()],
+}
+
+impl Default for StageClock {
+    fn default() -> Self {
+        StageClock { last: Instant::now(), spent: [Duration::ZERO; Stage::ALL.len()] }
+    }
+}
+
+impl StageClock {
+    /// Begins a step.
+    pub fn start(&mut self) {
+        self.last = Instant::now();
+    }
+
+    /// Ends a stage.
+    pub fn end(&mut self, stage: Stage) {
+        let now = Instant::now();
+        self.spent[stage as usize] += now - self.last;
+        self.last = now;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stage_reads_earlier_ones_only() {
+        for (i, (stage, _)) in Stage::ALL.into_iter().enumerate() {
+            assert_eq!(stage as usize, i);
+            assert!(stage.reads().iter().all(|read| (*read as usize) < i), "{stage:?}");
+        }
+        assert_eq!(Stages::up_to(Stage::Integration), Stages::STEP);
+        assert!(!Stages::up_to(Stage::Velocity).has(Stage::Collision));
+    }
+}

@@ -1,0 +1,59 @@
+//! Workers allocate nothing in the loop over steps: a rollout of 2000 steps allocates as often as one of 1000.
+
+mod support;
+
+use std::alloc::System;
+
+use lanesim::outputs::Output;
+use lanesim::{Backend, Controls, Model, OnDiverge, Options, Precision, Rollout, Worlds};
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use support::{all_models, load, options};
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+const WORLDS: usize = 12;
+/// Allocations of one call that come and go: those of the queue through which the pool is woken.
+const SLACK: usize = 8;
+
+/// Allocations during a rollout of `nstep` steps from the reference configuration; the fewest of a few calls.
+fn allocations(worlds: &mut Worlds, outputs: &[Output], nstep: usize, calls: usize) -> usize {
+    let count = |_| {
+        (0..WORLDS).for_each(|world| worlds.reset(world, None).expect("a world"));
+        let controls = Controls::Noise { seed: 7 };
+        let rollout = Rollout { nstep, controls, outputs, statistics: true, ..Rollout::default() };
+        let region = Region::new(ALLOCATOR);
+        let result = worlds.rollout(&rollout);
+        let change = region.change();
+        drop(result.expect("a rollout"));
+        change.allocations + change.reallocations
+    };
+    (0..calls).map(count).min().expect("some calls")
+}
+
+fn assert_silent(name: &str, model: &Model, options: &Options) {
+    let names = ["qpos", "xpos", "xquat", "subtree_com", "cdof", "qM", "energy", "qfrc_passive", "ncon", "nefc"];
+    let outputs = names.map(|name| Output::named(name).expect("an output"));
+    let mut worlds = Worlds::new(model, WORLDS, options).expect("a batch");
+    // Once for everything that grows on first use.
+    allocations(&mut worlds, &outputs, 2000, 1);
+    let short = allocations(&mut worlds, &outputs, 1000, 2);
+    let long = allocations(&mut worlds, &outputs, 2000, 2);
+    assert!(long <= short + SLACK, "{name}: {short} allocations in 1000 steps, {long} in 2000");
+}
+
+/// One test, so that no other allocates meanwhile.
+#[test]
+fn steps_do_not_allocate() {
+    for name in all_models().iter().filter(|name| name.starts_with("zoo/")) {
+        let model = load(name);
+        if model.check_step().is_ok() {
+            assert_silent(name, &model, &options(Precision::F32, Backend::Auto));
+        }
+    }
+    for (option, value) in [("solver", "PGS"), ("solver", "CG"), ("cone", "elliptic"), ("noslip_iterations", "3")] {
+        let model = support::load_with("zoo/ant", &[(option, value), ("iterations", "20")]);
+        let reset = Options { on_diverge: OnDiverge::Reset { key: None }, ..options(Precision::F64, Backend::Auto) };
+        assert_silent(&format!("ant with {option}={value}"), &model, &reset);
+    }
+}
