@@ -3,7 +3,7 @@
 mod batch;
 mod block;
 pub mod compile;
-mod convex;
+pub mod convex;
 pub mod diagnostics;
 pub mod error;
 pub mod eval;

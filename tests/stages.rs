@@ -4,12 +4,14 @@
 mod support;
 
 use lanesim::Model;
+use lanesim::convex::SupportCollider;
 use lanesim_kernels::fields::FieldView;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::math::{ldl, spatial};
 use lanesim_kernels::model::Model as Tables;
 use lanesim_kernels::pipeline::{self, Run};
 use lanesim_kernels::position::{Position, kinematics};
+use lanesim_kernels::stage::{Stage, Stages};
 use lanesim_kernels::state::{BlockStatus, State};
 use lanesim_kernels::workspace::Workspace;
 use lanesim_kernels::{inertia, integration, position, velocity};
@@ -49,9 +51,9 @@ fn state<L: LaneQuery>(model: &Tables<L::Real>, worlds: &[World]) -> State<L> {
 /// One step, with everything that it leaves in the workspace. The energy is that of the state before.
 fn step<L: LaneQuery>(model: &Tables<L::Real>, state: &State<L>, ws: &mut Workspace<L>) {
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
-    let mut run = Run { applied: None, clock: None, max_contacts: 1024 };
+    let (applied, clock, stages) = (None, None, Stages::STEP | Stages::up_to(Stage::Energy));
+    let mut run = Run { applied, clock, max_contacts: 1024, convex: &SupportCollider, stages, residual: true };
     pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
-    pipeline::energy(model, state, ws);
 }
 
 /// Calls `f` with stage and field of everything in the workspace.

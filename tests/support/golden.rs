@@ -8,12 +8,6 @@ use lanesim::{Model, Options, Precision};
 
 use super::{all_models, load_with, repository};
 
-/// In single precision: states in which contacts are not MuJoCo's, and why.
-const F32_OTHER_CONTACTS: [(&str, usize); 1] = [
-    // Axes 5e-4 rad apart: the determinant that tells crossing from parallel segments drowns in rounding below 1e-3.
-    ("unit/capsule_parallel", 0),
-];
-
 /// In single precision: models whose accelerations may be further away, and by what factor. The condition number of the
 /// inertia matrix of thirty-one links in a row is 1e7.
 const F32_WIDER: [(&str, f64); 1] = [("zoo/chain31", 20.0)];
@@ -66,11 +60,6 @@ impl Golden {
         let n = self.states();
         let width = array.len() / n;
         (0..n).map(|i| array[i * width..(i + 1) * width].to_vec()).collect()
-    }
-
-    /// Whether a state has other contacts than MuJoCo's in this precision.
-    pub fn other_contacts(&self, state: usize, options: &Options) -> bool {
-        options.precision == Precision::F32 && F32_OTHER_CONTACTS.contains(&(&self.name, state))
     }
 
     /// By what factor accelerations may be further away in this precision.

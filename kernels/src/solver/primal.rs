@@ -32,13 +32,13 @@ pub fn solve<L: LaneQuery>(
         } else {
             newton::direction(problem, work);
         }
-        let full = advance(problem, open, work);
+        let Moved { full, still } = advance(problem, open, work);
         rows::forces(problem, work);
         if !conjugate {
             landed = landed | (open & full);
             open = open & !full;
         }
-        open = open & !converged(problem, &work.fields);
+        open = open & !still & !converged(problem, &work.fields);
         rounds += 1;
     }
     if L::Real::EPSILON > 1e-10 && L::any(landed) {
@@ -119,9 +119,17 @@ fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -> L::Mask {
     gradient.sqrt().le(bound) | gradient.le(rounding * rounding * size)
 }
 
-/// Moves along the search direction to the minimum, in the lanes of `open`. Returns the lanes that took a full step on
-/// which no row left its quadratic piece.
-fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L::Mask {
+/// How far lanes moved.
+struct Moved<M> {
+    /// A full step on which no row left its quadratic piece.
+    full: M,
+    /// No further than the rounding of the acceleration, in the norm of the inertia matrix: what is left of the gradient is
+    /// rounding of stiff rows, and stays.
+    still: M,
+}
+
+/// Moves along the search direction to the minimum, in the lanes of `open`.
+fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> Moved<L::Mask> {
     let Problem { model, inertia, acceleration, constraint, .. } = problem;
     let Solver { qacc, ma, gradient, search, msearch, twist, .. } = &mut work.fields;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
@@ -145,12 +153,15 @@ fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
         L::one()
     };
     let alpha = L::select(searching, alpha, L::one());
+    let mut size = L::zero();
     for i in 0..search.len() {
         qacc[i] = L::select(open, alpha.mul_add(search[i], qacc[i]), qacc[i]);
         ma[i] = L::select(open, alpha.mul_add(msearch[i], ma[i]), ma[i]);
+        size = qacc[i].mul_add(ma[i], size);
     }
     for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
         *y = L::select(open, alpha.mul_add(*v, *y), *y);
     }
-    full
+    let rounding = L::of(L::Real::EPSILON);
+    Moved { full, still: (alpha * alpha * curvature).le(rounding * rounding * size) }
 }

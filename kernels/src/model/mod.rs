@@ -1,0 +1,208 @@
+//! The compiled model as the kernels read it: immutable tables, one entry per element, generic over the real type.
+//!
+//! Kernels move *links*: bodies that have joints. A body without joints is carried by the nearest ancestor that has
+//! them, or stands still; its mass, geoms and sites are part of that link. Every link belongs to one *tree*, the set of
+//! links whose motion can be coupled through the inertia matrix. Positions and spatial vectors of a tree's links are
+//! relative to the *origin* of the tree, the position of its first link's frame: numbers stay small however far from the
+//! world's origin the tree is.
+
+mod cast;
+mod pattern;
+mod tables;
+
+pub use cast::Cast;
+pub use pattern::{Pattern, Rows};
+pub use tables::*;
+
+use crate::lane::Real;
+use crate::options::Options;
+
+/// No such element.
+pub const NONE: u32 = u32::MAX;
+
+/// A run of consecutive indices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Span {
+    /// First index.
+    pub start: u32,
+    /// Number of indices.
+    pub len: u32,
+}
+
+impl Span {
+    /// The indices.
+    #[inline(always)]
+    pub fn range(self) -> std::ops::Range<usize> {
+        self.start as usize..(self.start + self.len) as usize
+    }
+}
+
+/// Numbers of elements, as MuJoCo counts them, and the kernels' own.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sizes {
+    /// Positions.
+    pub nq: usize,
+    /// Degrees of freedom.
+    pub nv: usize,
+    /// Controls.
+    pub nu: usize,
+    /// Activations.
+    pub na: usize,
+    /// Bodies, the world included.
+    pub nbody: usize,
+    /// Joints.
+    pub njnt: usize,
+    /// Geoms.
+    pub ngeom: usize,
+    /// Sites.
+    pub nsite: usize,
+    /// Mocap bodies.
+    pub nmocap: usize,
+    /// Links: bodies with joints.
+    pub nlink: usize,
+    /// Trees.
+    pub ntree: usize,
+    /// Candidate pairs of geoms.
+    pub npair: usize,
+    /// Geoms that take part in some pair.
+    pub ncollider: usize,
+    /// Contact slots: the sum of the pairs' largest numbers of contacts.
+    pub nslot: usize,
+    /// Entries of the inertia matrix's storage (see [`Rows`]).
+    pub nm: usize,
+}
+
+/// Most entries for which a list is given room in advance. Models in which thousands of pairs could touch at once, and
+/// never do, would otherwise take memory for all of them; their lists grow when they must.
+const RESERVE: usize = 1 << 14;
+
+/// Room for the lists of a block: contacts, constraint rows and Jacobians that the model can have at once, within reason.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capacity {
+    /// Contacts.
+    pub contacts: usize,
+    /// Rows on joints.
+    pub dof_rows: usize,
+    /// Contact components.
+    pub components: usize,
+    /// Entries of stored Jacobians.
+    pub jacobian: usize,
+}
+
+/// What the model contains, so that a step runs only what is needed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Features {
+    /// Some joint has a spring and springs are on.
+    pub springs: bool,
+    /// Some dof has a damper and dampers are on.
+    pub dampers: bool,
+    /// Some body has gravity compensation, gravity is on and not zero, and passive forces are on.
+    pub gravcomp: bool,
+    /// There are actuators and actuation is on.
+    pub actuation: bool,
+    /// Euler integrates dampers implicitly: some dof is damped, and the flags `damper` and `eulerdamp` are on.
+    pub implicit_damping: bool,
+}
+
+/// A compiled model, over real type `T`. Made by the compiler of the `lanesim` package; kernels trust its indices.
+#[derive(Clone, Debug)]
+pub struct Model<T> {
+    /// Numbers of elements.
+    pub sizes: Sizes,
+    /// Options.
+    pub options: Options,
+    /// Features.
+    pub features: Features,
+    /// Bodies.
+    pub bodies: Vec<Body<T>>,
+    /// Links, parents first.
+    pub links: Vec<Link<T>>,
+    /// Joints, in MJCF order.
+    pub joints: Vec<Joint<T>>,
+    /// Degrees of freedom.
+    pub dofs: Vec<Dof<T>>,
+    /// Trees: the first link of each. Links of a tree need not be consecutive.
+    pub tree_root: Vec<u32>,
+    /// Geoms that take part in pairs.
+    pub geoms: Vec<Geom<T>>,
+    /// Pairs of geoms.
+    pub pairs: Vec<Pair<T>>,
+    /// Degrees of freedom of pairs.
+    pub pair_dofs: Vec<PairDof>,
+    /// Joint limits, in the order of joints; empty if the flag `limit` or `constraint` is off.
+    pub limits: Vec<Limit<T>>,
+    /// Dry friction, in the order of dofs; empty if the flag `frictionloss` or `constraint` is off.
+    pub friction_losses: Vec<FrictionLoss<T>>,
+    /// Actuators.
+    pub actuators: Vec<Actuator<T>>,
+    /// Storage of the inertia matrix and of the solver's Hessian.
+    pub rows: Rows,
+    /// Sparsity of the inertia matrix: row `i` has the ancestors of dof `i`.
+    pub tree_pattern: Pattern,
+    /// Σ over dofs of the inertia matrix's diagonal in the reference configuration divided by nv (`stat.meaninertia`).
+    pub mean_inertia: T,
+    /// Positions in the reference configuration, length nq.
+    pub qpos0: Vec<T>,
+    /// Gravity; zero when its flag is off.
+    pub gravity: [T; 3],
+    /// Potential energy of the bodies that stand still.
+    pub potential_still: T,
+}
+
+impl Features {
+    /// Whether there can be passive forces.
+    pub fn passive(&self) -> bool {
+        self.springs || self.dampers || self.gravcomp
+    }
+}
+
+impl<T> Model<T> {
+    /// Whether there can be constraint rows.
+    pub fn constrained(&self) -> bool {
+        !self.pairs.is_empty() || !self.limits.is_empty() || !self.friction_losses.is_empty()
+    }
+
+    /// Room for a block's lists.
+    pub fn capacity(&self) -> Capacity {
+        let (mut components, mut jacobian) = (0_usize, 0_usize);
+        for pair in &self.pairs {
+            let rows = (pair.slots.len * pair.condim) as usize;
+            components += rows;
+            jacobian = jacobian.saturating_add(rows * pair.dofs.len as usize);
+        }
+        Capacity {
+            contacts: self.sizes.nslot.min(RESERVE),
+            dof_rows: self.friction_losses.len() + 2 * self.limits.len(),
+            components: components.min(3 * RESERVE),
+            jacobian: jacobian.min(16 * RESERVE),
+        }
+    }
+}
+
+impl<U: Real> Cast<U> for Model<f64> {
+    type Out = Model<U>;
+    fn cast(&self) -> Model<U> {
+        Model {
+            sizes: self.sizes.clone(),
+            options: self.options.clone(),
+            features: self.features.clone(),
+            bodies: self.bodies.cast(),
+            links: self.links.cast(),
+            joints: self.joints.cast(),
+            dofs: self.dofs.cast(),
+            tree_root: self.tree_root.clone(),
+            geoms: self.geoms.cast(),
+            pairs: self.pairs.cast(),
+            pair_dofs: self.pair_dofs.clone(),
+            limits: self.limits.cast(),
+            friction_losses: self.friction_losses.cast(),
+            actuators: self.actuators.cast(),
+            rows: self.rows.clone(),
+            tree_pattern: self.tree_pattern.clone(),
+            mean_inertia: self.mean_inertia.cast(),
+            qpos0: self.qpos0.cast(),
+            gravity: self.gravity.cast(),
+            potential_still: self.potential_still.cast(),
+        }
+    }
+}

@@ -1,0 +1,361 @@
+//! One table entry per element of the model.
+
+use super::Span;
+use super::cast::{Cast, table};
+use crate::lane::Real;
+
+table! {
+    /// A body with joints, with everything that is fixed to it.
+    pub struct Link {
+        /// Link that carries it, or [`NONE`]: the world or a body that stands still.
+        pub parent: u32,
+        /// Tree.
+        pub tree: u32,
+        /// MJCF body that has the joints.
+        pub body: u32,
+        /// Its joints.
+        pub joints: Span,
+        /// Its degrees of freedom.
+        pub dofs: Span,
+        /// Whether `rot` is the identity.
+        pub aligned: bool,
+        /// Whether `inertia` is diagonal.
+        pub diagonal: bool,
+        real:
+        /// Position of its frame before its joints act, in the parent link's frame, or in the world if it has none.
+        pub pos: [T; 3],
+        /// Orientation of its frame before its joints act, row-major, likewise.
+        pub rot: [T; 9],
+        /// The same as a quaternion.
+        pub quat: [T; 4],
+        /// Mass, of all that it carries.
+        pub mass: T,
+        /// Centre of mass in the link's frame.
+        pub com: [T; 3],
+        /// Inertia about the centre of mass in the link's axes: xx, yy, zz, xy, xz, yz.
+        pub inertia: [T; 6],
+        /// Gravity compensation: Σ mass·gravcomp over the bodies that it carries, and the mean position weighted by it.
+        pub gravcomp: T,
+        /// Where gravity compensation acts, in the link's frame.
+        pub gravcomp_pos: [T; 3],
+    } T
+}
+
+/// The kind of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// Position and quaternion; six degrees of freedom.
+    Free,
+    /// Quaternion; three degrees of freedom.
+    Ball,
+    /// Translation.
+    Slide,
+    /// Rotation about an axis.
+    Hinge,
+}
+
+/// Direction of a joint axis in the link's frame, when it is a coordinate axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AxisKind {
+    /// Along +x, +y or +z (0, 1, 2).
+    Plus(u8),
+    /// Along -x, -y or -z.
+    Minus(u8),
+    /// Any other.
+    General,
+}
+
+table! {
+    /// A joint.
+    pub struct Joint {
+        /// Kind.
+        pub kind: JointKind,
+        /// Link that it moves.
+        pub link: u32,
+        /// First position.
+        pub qpos: u32,
+        /// First degree of freedom.
+        pub dof: u32,
+        /// Special direction of the axis.
+        pub axis_kind: AxisKind,
+        /// Whether `pos` is not zero.
+        pub anchored: bool,
+        /// Whether any stiffness is not zero.
+        pub spring: bool,
+        /// Whether gravity compensation of this joint's dofs counts as an actuator force.
+        pub actuator_gravcomp: bool,
+        /// Whether the total actuator force is bounded.
+        pub force_limited: bool,
+        real:
+        /// Anchor in the link's frame.
+        pub pos: [T; 3],
+        /// Unit axis in the link's frame.
+        pub axis: [T; 3],
+        /// Position in the defining configuration (slide, hinge).
+        pub qpos0: T,
+        /// Position at which the spring rests: scalar in [0]; ball: quaternion in [0..4]; free: 3 + 4.
+        pub qpos_spring: [T; 7],
+        /// Coefficients of the spring force.
+        pub stiffness: [T; 3],
+        /// Bounds on the total actuator force.
+        pub force_range: [T; 2],
+    } T
+}
+
+/// What a degree of freedom does to its link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DofKind {
+    /// Translation of a free joint along world axis 0, 1 or 2.
+    FreeTranslation(u8),
+    /// Rotation of a free joint about the link's axis 0, 1 or 2, through the tree's origin.
+    FreeRotation(u8),
+    /// Rotation of a ball joint about the link's axis 0, 1 or 2.
+    BallRotation(u8),
+    /// Slide.
+    Slide,
+    /// Hinge.
+    Hinge,
+}
+
+table! {
+    /// A degree of freedom.
+    pub struct Dof {
+        /// Kind.
+        pub kind: DofKind,
+        /// Link.
+        pub link: u32,
+        /// Joint.
+        pub joint: u32,
+        /// Next degree of freedom towards the root, or [`NONE`].
+        pub parent: u32,
+        /// First degree of freedom of the tree's free joint, or [`NONE`].
+        pub free_base: u32,
+        /// Whether any damping is not zero (the joint's or reflected from actuators).
+        pub damped: bool,
+        /// Whether `damping[1..]` are zero.
+        pub damping_linear: bool,
+        real:
+        /// Inertia added to the diagonal, actuators' reflected armature included.
+        pub armature: T,
+        /// Coefficients of the damper force, actuators' reflected damping included.
+        pub damping: [T; 3],
+    } T
+}
+
+/// The shape of a geom. The order is MuJoCo's, by which the geoms of a pair are sorted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Shape {
+    /// Infinite plane, normal along z.
+    Plane,
+    /// Sphere: radius.
+    Sphere,
+    /// Capsule along z: radius, half length.
+    Capsule,
+    /// Ellipsoid: three semi-axes.
+    Ellipsoid,
+    /// Cylinder along z: radius, half length.
+    Cylinder,
+    /// Box: three half sizes.
+    Box,
+}
+
+table! {
+    /// A geom that takes part in some pair.
+    pub struct Geom {
+        /// MJCF geom.
+        pub id: u32,
+        /// Shape.
+        pub shape: Shape,
+        /// Link that carries it, or [`NONE`]: it stands still.
+        pub link: u32,
+        /// Whether `rot` is the identity.
+        pub aligned: bool,
+        real:
+        /// Position in the link's frame, or in the world.
+        pub pos: [T; 3],
+        /// Orientation, row-major, likewise.
+        pub rot: [T; 9],
+        /// Sizes.
+        pub size: [T; 3],
+        /// Radius of the bounding sphere about `pos`; 0 for planes.
+        pub rbound: T,
+    } T
+}
+
+table! {
+    /// Constraint impedance and reference, from `solref` and `solimp`: `a_ref = -b v - k d(r) r`, with impedance d
+    /// rising from `dmin` to `dmax` over `width`: with x = |r|/width, d = dmin + y (dmax - dmin), y = `low` xᵖ up to
+    /// `midpoint` and 1 - `high` (1 - x)ᵖ above.
+    pub struct Impedance {
+        /// Whether the impedance is the constant (dmin + dmax)/2: equal ends or no width.
+        pub flat: bool,
+        /// Power p if it is 1 or 2; 0: any other.
+        pub small_power: u8,
+        real:
+        /// Stiffness k before the impedance factor.
+        pub k: T,
+        /// Damping b.
+        pub b: T,
+        /// Impedance at zero violation.
+        pub dmin: T,
+        /// Impedance at `width`.
+        pub dmax: T,
+        /// 1 / width; 0 if flat.
+        pub inverse_width: T,
+        /// Point of inflection, as a fraction of `width`.
+        pub midpoint: T,
+        /// Power of the two arcs.
+        pub power: T,
+        /// midpoint^(1 - p)
+        pub low: T,
+        /// (1 - midpoint)^(1 - p)
+        pub high: T,
+    } T
+}
+
+table! {
+    /// A pair of geoms that may touch.
+    pub struct Pair {
+        /// First geom, index into [`Model::geoms`]; its shape sorts first.
+        pub geom1: u32,
+        /// Second geom.
+        pub geom2: u32,
+        /// Link of the first geom, or [`NONE`].
+        pub link1: u32,
+        /// Link of the second geom, or [`NONE`].
+        pub link2: u32,
+        /// Dimension of its contacts: 1, 3, 4 or 6.
+        pub condim: u32,
+        /// Its contact slots.
+        pub slots: Span,
+        /// For a pair of two links: degrees of freedom that move one of them and not the other, in
+        /// [`Model::pair_dofs`], ascending. Empty for a pair with a geom that stands still.
+        pub dofs: Span,
+        /// Whether those dofs lie on different branches, so that the pair's contacts couple dofs that the inertia
+        /// matrix does not.
+        pub cross: bool,
+        real:
+        /// Distance below which contacts act.
+        pub margin: T,
+        /// Distance below which contacts are listed: margin + gap.
+        pub include: T,
+        /// Friction: two tangential, torsional, two rolling.
+        pub friction: [T; 5],
+        /// Impedance of the normal row, and of every row of a pyramid.
+        pub impedance: Impedance<T>,
+        /// Damping of the friction rows of an elliptic contact.
+        pub friction_b: T,
+        /// Sum of the bodies' translational inverse weights: Â of the normal.
+        pub invweight: T,
+        /// Sum of the bodies' rotational inverse weights.
+        pub invweight_rot: T,
+    } T
+}
+
+/// One degree of freedom of a pair's relative Jacobian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PairDof {
+    /// Degree of freedom.
+    pub dof: u32,
+    /// Whether it moves the second link (its column counts as positive) or the first (negative).
+    pub second: bool,
+}
+
+table! {
+    /// A joint limit.
+    pub struct Limit {
+        /// Joint.
+        pub joint: u32,
+        /// First degree of freedom.
+        pub dof: u32,
+        /// First position.
+        pub qpos: u32,
+        /// Whether the joint is a ball; then `range[1]` bounds its angle.
+        pub ball: bool,
+        real:
+        /// Lower and upper limit.
+        pub range: [T; 2],
+        /// Distance below which the limit acts.
+        pub margin: T,
+        /// Impedance.
+        pub impedance: Impedance<T>,
+        /// Â: inverse weight of the joint's dofs.
+        pub invweight: T,
+    } T
+}
+
+table! {
+    /// Dry friction of a degree of freedom.
+    pub struct FrictionLoss {
+        /// Degree of freedom.
+        pub dof: u32,
+        real:
+        /// Largest force.
+        pub bound: T,
+        /// Regulariser R.
+        pub r: T,
+        /// Damping of the reference acceleration.
+        pub b: T,
+    } T
+}
+
+table! {
+    /// An MJCF body, as a place where forces from outside act.
+    pub struct Body {
+        /// Link that carries it, or [`NONE`].
+        pub link: u32,
+        real:
+        /// Centre of mass in the link's frame.
+        pub com: [T; 3],
+    } T
+}
+
+/// What an actuator acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transmission {
+    /// A slide or hinge: length is gear·position.
+    Scalar,
+    /// A ball joint; gear in the child's frame.
+    Ball,
+    /// A ball joint; gear in the parent's frame.
+    BallInParent,
+    /// A free joint; rotational gear in the child's frame.
+    Free,
+    /// A free joint; rotational gear in the world's frame.
+    FreeInParent,
+}
+
+table! {
+    /// An actuator: force = gain·control + bias.
+    pub struct Actuator {
+        /// What it acts on.
+        pub transmission: Transmission,
+        /// Joint.
+        pub joint: u32,
+        /// First position of the joint.
+        pub qpos: u32,
+        /// First degree of freedom of the joint.
+        pub dof: u32,
+        /// Whether the gain depends on length or velocity.
+        pub gain_affine: bool,
+        /// Whether there is a bias.
+        pub bias_affine: bool,
+        /// Whether the control is clamped.
+        pub ctrl_limited: bool,
+        /// Whether the force is clamped.
+        pub force_limited: bool,
+        /// Whether its group is disabled: no force.
+        pub disabled: bool,
+        real:
+        /// Gear.
+        pub gear: [T; 6],
+        /// Gain: constant, per length, per velocity.
+        pub gain: [T; 3],
+        /// Bias: constant, per length, per velocity.
+        pub bias: [T; 3],
+        /// Bounds of the control.
+        pub ctrl_range: [T; 2],
+        /// Bounds of the force.
+        pub force_range: [T; 2],
+    } T
+}
