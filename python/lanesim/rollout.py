@@ -149,13 +149,13 @@ class _Plan:
         check = ("initial_state", list(rows.shape)) if checked else None
         at = 0
         for name, width in (("time", 1), ("qpos", model.nq), ("qvel", model.nv), ("act", model.na)):
-            worlds._w.write(name, rows, at, stride, None, check)
+            worlds._w.write(name, rows, (at, stride), None, check)
             at, check = at + width, None
         if self.warmstart is not None:
             rows = self.warmstart
             stride = 0 if rows.shape[0] == 1 and self.nbatch > 1 else model.nv
             check = ("initial_warmstart", list(rows.shape)) if checked else None
-            worlds._w.write("qacc_warmstart", rows, 0, stride, None, check)
+            worlds._w.write("qacc_warmstart", rows, (0, stride), None, check)
 
     def controls(self, checked: bool):
         """Controls with their strides from rollout to rollout and from step to step."""

@@ -98,7 +98,14 @@ class Worlds:
         self._nworld = nworld
         self._precision = precision
         self._forced = False
-        self._w = _lanesim.Worlds(model._m, nworld, precision, backend, threads, on_diverge, max_contacts, _pool)
+        choice = dict(
+            precision=precision,
+            backend=backend,
+            threads=threads,
+            on_diverge=on_diverge,
+            max_contacts=max_contacts,
+        )
+        self._w = _lanesim.Worlds(model._m, nworld, choice, _pool)
 
     # ---- what it is ----------------------------------------------------------------------------------------------
 
@@ -210,7 +217,7 @@ class Worlds:
         width = int(np.prod([n for _, n in row]))
         single = array.ndim == len(row) or (array.shape[0] == 1 and self._nworld > 1)
         stride = 0 if single else width
-        self._w.write(name, array, 0, stride, mask, (name, list(array.shape)))
+        self._w.write(name, array, (0, stride), mask, (name, list(array.shape)))
         self._forced |= name in _FORCES
 
     def _row(self, name: str) -> list[tuple[str, int]]:
@@ -332,7 +339,7 @@ class Worlds:
         for name, array in arrays.items():
             width = int(np.prod([n for _, n in self._row(name)]))
             stride = width if array.ndim == 1 + len(self._row(name)) else 0
-            self._w.write(name, array, 0, stride, None, None)
+            self._w.write(name, array, (0, stride), None, None)
             self._forced |= name in _FORCES
         self._w.set_statuses(status)
 

@@ -44,6 +44,37 @@ impl Pool {
     }
 }
 
+/// Options of a batch: a dict, every word of which is known to be right.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Choice {
+    precision: String,
+    backend: String,
+    threads: Option<usize>,
+    on_diverge: String,
+    max_contacts: usize,
+}
+
+impl Choice {
+    fn options(&self) -> Options {
+        Options {
+            precision: if self.precision == "f32" { Precision::F32 } else { Precision::F64 },
+            backend: match &*self.backend {
+                "scalar" => Backend::Scalar,
+                "wide" => Backend::Wide,
+                _ => Backend::Auto,
+            },
+            threads: self.threads,
+            on_diverge: match &*self.on_diverge {
+                "reset" => OnDiverge::Reset { key: None },
+                "raise" => OnDiverge::Error,
+                _ => OnDiverge::Freeze,
+            },
+            max_contacts: self.max_contacts,
+        }
+    }
+}
+
 /// A batch.
 #[pyclass(frozen, module = "lanesim._lanesim")]
 pub struct Worlds {
@@ -95,33 +126,9 @@ type Padded<'py> = (usize, Bound<'py, PyAny>);
 #[pymethods]
 impl Worlds {
     #[new]
-    #[pyo3(signature = (model, nworld, precision, backend, threads, on_diverge, max_contacts, pool=None))]
-    fn new(
-        py: Python<'_>,
-        model: &Model,
-        nworld: usize,
-        precision: &str,
-        backend: &str,
-        threads: Option<usize>,
-        on_diverge: &str,
-        max_contacts: usize,
-        pool: Option<&Pool>,
-    ) -> PyResult<Self> {
-        let options = Options {
-            precision: if precision == "f32" { Precision::F32 } else { Precision::F64 },
-            backend: match backend {
-                "scalar" => Backend::Scalar,
-                "wide" => Backend::Wide,
-                _ => Backend::Auto,
-            },
-            threads,
-            on_diverge: match on_diverge {
-                "reset" => OnDiverge::Reset { key: None },
-                "raise" => OnDiverge::Error,
-                _ => OnDiverge::Freeze,
-            },
-            max_contacts,
-        };
+    #[pyo3(signature = (model, nworld, choice, pool=None))]
+    fn new(py: Python<'_>, model: &Model, nworld: usize, choice: Choice, pool: Option<&Pool>) -> PyResult<Self> {
+        let options = choice.options();
         let pool = pool.map(|pool| pool.0.clone());
         let worlds = py.detach(|| match pool {
             Some(pool) => lanesim::Worlds::with_pool(&model.model, nworld, &options, pool),
@@ -138,21 +145,20 @@ impl Worlds {
         Ok((worlds.threads(), lanes, name, world, scratch))
     }
 
-    /// Sets a field of the worlds where `mask` is true. World `w`'s row begins at `offset + w * stride` of `values`, an
-    /// array whose `shape` is for messages; `checked`: its numbers must be finite.
-    #[pyo3(signature = (name, values, offset, stride, mask, checked))]
+    /// Sets a field of the worlds where `mask` is true. `place`: (offset, stride), world `w`'s row begins at
+    /// `offset + w * stride` of `values`. `checked`: its numbers must be finite; name and shape for the message.
+    #[pyo3(signature = (name, values, place, mask, checked))]
     fn write(
         &self,
         py: Python<'_>,
         name: &str,
         values: Numbers<'_>,
-        offset: usize,
-        stride: usize,
+        place: (usize, usize),
         mask: Option<PyReadonlyArray1<'_, bool>>,
         checked: Option<(String, Vec<usize>)>,
     ) -> PyResult<()> {
         let field = field(py, name)?;
-        let rows = Strided { values: values.values()?, offset, stride };
+        let rows = Strided { values: values.values()?, offset: place.0, stride: place.1 };
         let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
         let mut held = self.acquire(py)?;
         let worlds = &mut held.state.worlds;
