@@ -8,10 +8,9 @@ use lanesim::convex::SupportCollider;
 use lanesim_kernels::fields::FieldView;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::math::{ldl, spatial};
-use lanesim_kernels::model::Model as Tables;
-use lanesim_kernels::pipeline::{self, Run};
+use lanesim_kernels::model::{JointKind, Model as Tables, NONE};
+use lanesim_kernels::pipeline::{self, Run, Stage, Stages};
 use lanesim_kernels::position::{Position, kinematics};
-use lanesim_kernels::stage::{Stage, Stages};
 use lanesim_kernels::state::{BlockStatus, State};
 use lanesim_kernels::workspace::Workspace;
 use lanesim_kernels::{inertia, integration, position, velocity};
@@ -48,11 +47,11 @@ fn state<L: LaneQuery>(model: &Tables<L::Real>, worlds: &[World]) -> State<L> {
     state
 }
 
-/// One step, with everything that it leaves in the workspace. The energy is that of the state before.
+/// One step and the energy before it, with everything that they leave in the workspace.
 fn step<L: LaneQuery>(model: &Tables<L::Real>, state: &State<L>, ws: &mut Workspace<L>) {
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
-    let (applied, clock, stages) = (None, None, Stages::STEP | Stages::up_to(Stage::Energy));
-    let mut run = Run { applied, clock, max_contacts: 1024, convex: &SupportCollider, stages, residual: true };
+    let (convex, stages) = (&SupportCollider, Stages::up_to(Stage::Energy));
+    let mut run = Run { applied: None, clock: None, max_contacts: 1024, convex, stages, residual: false };
     pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
 }
 
@@ -71,24 +70,45 @@ fn each_field<L: LaneQuery>(ws: &mut Workspace<L>, f: &mut dyn FnMut(&'static st
 }
 
 /// Whether a stage writes a field of this model at every step. The solver's fields but these two are its scratch.
-fn promised<T>(model: &Tables<T>, stage: &str, field: &str) -> bool {
+fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
+    if !present(model, stage) {
+        return false;
+    }
     match (stage, field) {
         ("solver", _) => ["qacc", "qfrc_constraint"].contains(&field),
         (_, "multipliers") => false,
+        // Orientations of geoms wait until a pair needs them.
+        ("collision", "rot") => false,
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
         ("actuation", "length" | "moment") => true,
         ("actuation", _) => model.features.actuation,
         ("integration", "factor" | "inverse") => model.features.implicit_damping,
         // The joint axis of a free joint is not a thing that exists.
-        ("position", "axis") => model.joints.iter().all(|j| j.kind != lanesim_kernels::model::JointKind::Free),
+        ("position", "axis") => model.joints.iter().all(|j| j.kind != JointKind::Free),
         _ => true,
     }
 }
 
-/// Fills everything with NaN, but for the gaps in the rows of M: these are zero from the start and are never written.
+/// Whether the model has anything for a stage to do.
+fn present<T: Real>(model: &Tables<T>, stage: &str) -> bool {
+    let found = Stage::ALL.iter().find(|(_, name)| *name == stage);
+    found.unwrap_or_else(|| panic!("no stage {stage}")).0.present(model)
+}
+
+/// Fills everything with NaN, but for what is there from the start and is never written: the gaps in the rows of M, the
+/// fields of stages that have nothing to do, and the poses of geoms that stand still.
 fn poison<L: LaneQuery>(model: &Tables<L::Real>, ws: &mut Workspace<L>) {
     let nan = L::of(f64::NAN);
-    each_field(ws, &mut |_, field| field.data.fill(nan));
+    each_field(ws, &mut |stage, field| {
+        if present(model, stage) {
+            field.data.fill(nan);
+        }
+    });
+    let start = Workspace::<L>::new(model).collision.colliders;
+    for g in (0..model.geoms.len()).filter(|g| model.geoms[*g].link == NONE) {
+        ws.collision.colliders.pos[g] = start.pos[g];
+        ws.collision.colliders.rot[g] = start.rot[g];
+    }
     let m = &mut ws.inertia.m;
     m.fill(L::zero());
     for i in 0..model.sizes.nv {
@@ -351,7 +371,7 @@ fn moves(tables: &Tables<f64>, dof: usize, mut link: usize) -> bool {
             return true;
         }
         match tables.links[link].parent {
-            lanesim_kernels::model::NONE => return false,
+            NONE => return false,
             parent => link = parent as usize,
         }
     }
