@@ -19,6 +19,7 @@ pub mod rollout;
 pub mod rows;
 pub mod spec;
 pub mod status;
+mod store;
 pub mod worlds;
 
 pub use compile::compile;

@@ -247,10 +247,11 @@ impl Worlds {
         Ok(())
     }
 
-    /// Resets the worlds where `mask` is true, as [`reset`](Worlds::reset) does.
-    pub fn reset_where(&mut self, mask: &[bool], key: Option<usize>) -> Result<(), Error> {
-        self.check_mask(mask)?;
-        (0..mask.len()).filter(|world| mask[*world]).try_for_each(|world| self.reset(world, key))
+    /// Resets every world, or those where `mask` is true, as [`reset`](Worlds::reset) does, on all threads.
+    pub fn reset_all(&mut self, mask: Option<&[bool]>, key: Option<usize>) -> Result<(), Error> {
+        mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
+        self.engine.reset_all(mask, &key_state(&self.model, key)?);
+        Ok(())
     }
 
     /// Sets one world's status: with its other fields, this restores a world exactly.

@@ -38,7 +38,7 @@ fn columns_of_a_wider_array_are_written() {
         let expected = if *chosen { given[w * width + 2..][..nv].to_vec() } else { vec![0.0; nv] };
         assert_eq!(batch.get(Field::Qvel, w).expect("a row"), expected);
     }
-    batch.reset_where(&mask, None).expect("to be reset");
+    batch.reset_all(Some(&mask), None).expect("to be reset");
     assert_eq!(batch.get_all(Field::Qvel), vec![0.0; nworld * nv]);
 
     let short = Strided { offset: 4, ..columns };

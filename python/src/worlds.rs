@@ -234,10 +234,7 @@ impl Worlds {
         let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
         let mut held = self.acquire(py)?;
         let worlds = &mut held.state.worlds;
-        let result = py.detach(|| match mask {
-            Some(mask) => worlds.reset_where(mask, key),
-            None => (0..worlds.nworld()).try_for_each(|world| worlds.reset(world, key)),
-        });
+        let result = py.detach(|| worlds.reset_all(mask, key));
         result.map_err(|e| raise(py, e))
     }
 
