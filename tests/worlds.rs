@@ -9,6 +9,7 @@ use lanesim::eval::eval;
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Error, Field, Model, Options, Precision, Rollout, Worlds, noise};
+use lanesim_kernels::pipeline::Stage;
 use support::{all_models, load, load_with, options, parse};
 
 fn wide() -> Options {
@@ -54,7 +55,7 @@ fn wrong_controls_are_named() {
     let mut run = |controls: &[f64]| {
         worlds.rollout(&Rollout { nstep: 4, controls: Controls::Given(controls), ..Rollout::default() }).map(|_| ())
     };
-    fails(run(&[0.0; 7]), &format!("controls have 7 numbers; expected {} = nworld 3 × nstep 4 × nu {nu}", 12 * nu));
+    fails(run(&[0.0; 7]), &format!("controls have 7 numbers; expected nworld 3 × nstep 4 × nu {nu}"));
     let mut controls = vec![0.0; 12 * nu];
     controls[(2 * 4 + 1) * nu + 3] = f64::NAN;
     fails(run(&controls), "controls[2, 1, 3] is NaN; expected a finite number");
@@ -178,7 +179,10 @@ fn rollouts_count() {
     // Six points of the feet on the floor, four rows each, in every world.
     assert_eq!((s.contacts, s.slots, s.rows), (570.0, 570.0, 2280.0));
     assert!(s.iterations > 0.0 && s.block_iterations <= s.iterations, "{s:?}");
-    assert!(run.clock.spent.iter().all(|spent| !spent.is_zero()), "{:?}", run.clock);
+    for ((stage, name), spent) in Stage::ALL.iter().zip(run.clock.spent) {
+        // Nobody asked for the energy.
+        assert_eq!(spent.is_zero(), *stage == Stage::Energy, "{name} took {spent:?}");
+    }
 }
 
 #[test]
@@ -225,6 +229,60 @@ fn every_output_has_the_length_that_it_announces() {
                 }
             }
         });
+    }
+}
+
+/// An output runs the stages that it needs, and reads no other: the same numbers alone as among all, also where the
+/// workspace has just served other worlds.
+#[test]
+fn every_output_is_the_same_alone() {
+    let same = |a: &[f64], b: &[f64]| a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()));
+    for name in
+        ["zoo/humanoid27", "zoo/hopper", "unit/limits", "unit/frictionloss", "unit/condim_elliptic", "unit/gravcomp"]
+    {
+        for solver in ["Newton", "PGS"] {
+            let model = load_with(name, &[("solver", solver)]);
+            let all: Vec<Output> = Output::all().map(|(name, _)| Output::named(name).expect("an output")).collect();
+            let start = |height: f64| {
+                let mut worlds = worlds(&model, 10);
+                for world in 0..10 {
+                    let mut qpos = model.initial_key().qpos;
+                    qpos.iter_mut().enumerate().for_each(|(i, q)| *q += 0.3 * ((world * 7 + i) as f64).sin());
+                    if name.starts_with("zoo") {
+                        qpos[if name == "zoo/hopper" { 1 } else { 2 }] += height;
+                    }
+                    worlds.set(Field::Qpos, world, &qpos).expect("a state");
+                }
+                worlds
+            };
+            let collect = |worlds: &mut Worlds, outputs: &[Output]| {
+                let mut rows = vec![];
+                worlds.forward(outputs, &mut |_, values| rows.push(values));
+                rows
+            };
+            let together = collect(&mut start(-0.9), &all);
+            for (o, output) in all.iter().enumerate() {
+                let mut worlds = start(-0.9);
+                let alone = collect(&mut worlds, &[*output]);
+                for (world, (alone, together)) in alone.iter().zip(&together).enumerate() {
+                    assert!(same(&alone[0], &together[o]), "{name} {solver} world {world}: {} alone", output.name());
+                }
+                // High above the floor, then down again, in the same workspace.
+                let states = worlds.get_all(Field::Qpos);
+                let up = start(0.9).get_all(Field::Qpos);
+                let width = states.len() / 10;
+                for (outputs, qpos) in [(&all[..], &up), (&all[o..=o], &states)] {
+                    (0..10)
+                        .for_each(|w| worlds.set(Field::Qpos, w, &qpos[w * width..(w + 1) * width]).expect("a state"));
+                    let rows = collect(&mut worlds, outputs);
+                    if outputs.len() == 1 && output.name() != "status" {
+                        let differs =
+                            rows.iter().zip(&together).position(|(row, together)| !same(&row[0], &together[o]));
+                        assert_eq!(differs, None, "{name} {solver}: {} after other worlds", output.name());
+                    }
+                }
+            }
+        }
     }
 }
 

@@ -49,7 +49,20 @@ pub(super) fn count_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize
 /// An output with one entry per contact or row.
 pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) -> Vec<f64> {
     let mut contacts = listed(view, lane);
-    let rows = rows(view, lane, &mut contacts);
+    let rows = match kind {
+        Kind::ContactEfc
+        | Kind::EfcType
+        | Kind::EfcId
+        | Kind::EfcJ
+        | Kind::EfcPos
+        | Kind::EfcMargin
+        | Kind::EfcD
+        | Kind::EfcR
+        | Kind::EfcAref => rows(view, lane, &mut contacts, false),
+        Kind::EfcForce => rows(view, lane, &mut contacts, true),
+        // Other outputs read contacts alone: the rows' stage may not have run, and its lists be an earlier block's.
+        _ => vec![],
+    };
     let of_rows = |f: &dyn Fn(&Row) -> f64| rows.iter().map(f).collect();
     let collision = &view.workspace.collision;
     let pair = |c: &Contact| &view.tables.pairs[collision.slots[c.index].pair as usize];
@@ -91,13 +104,15 @@ fn listed<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<Contact> {
     (0..contacts.len()).filter(|i| exists(&contacts[*i].dist)).map(|index| Contact { index, row: None }).collect()
 }
 
-/// The rows that act in the world; notes each contact's first.
-fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact]) -> Vec<Row> {
+/// The rows that act in the world; notes each contact's first. Without `forces` these are zero, and nothing is read of the
+/// solver, which may not have run.
+fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact], forces: bool) -> Vec<Row> {
     let constraint = &view.workspace.constraint;
     let mut out = Vec::new();
     for (i, row) in constraint.dof_rows.iter().enumerate() {
         if row.d.get(lane).to_f64() > 0.0 {
-            out.push(dof_row(view, lane, row, i));
+            let force = if forces { number(&view.workspace.solver.force.dof[i], lane) } else { 0.0 };
+            out.push(dof_row(view, lane, row, force));
         }
     }
     let mut edge = 0;
@@ -107,13 +122,15 @@ fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact])
         if row.d.get(lane).to_f64() > 0.0 {
             let Some(n) = contacts.iter().position(|c| c.index == row.contact as usize) else { continue };
             contacts[n].row = Some(out.len());
-            contact_rows(view, lane, row, n, first_edge, &mut out);
+            let forces =
+                if forces { contact_forces(view, lane, row, first_edge) } else { vec![0.0; row.rows() as usize] };
+            contact_rows(view, lane, row, n, &forces, &mut out);
         }
     }
     out
 }
 
-fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, i: usize) -> Row {
+fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, force: f64) -> Row {
     let mut jacobian = vec![0.0; view.tables.sizes.nv];
     let dof = row.dof as usize;
     match row.kind {
@@ -139,42 +156,56 @@ fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, i: us
         margin,
         d: number(&row.d, lane),
         aref: -number(&row.reference, lane),
-        force: number(&view.workspace.solver.force.dof[i], lane),
+        force,
     }
 }
 
-/// The rows of a contact: its normal, the edges of its pyramid, the first of which is `first_edge` among the block's, or its
-/// components.
+/// Forces of a contact's rows. The first edge of a pyramid is `first_edge` among the block's.
+fn contact_forces<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>, first_edge: usize) -> Vec<f64> {
+    let range = row.component as usize..(row.component + row.dim) as usize;
+    let work = &view.workspace.solver;
+    let read = |lanes: &[L]| lanes.iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
+    if row.cone != Cone::Pyramid {
+        return read(&work.force.component[range]);
+    }
+    // Solvers of the dual problem work on the edges' forces themselves; of the others these follow from y.
+    let options = &view.tables.options;
+    if options.solver == Solver::Pgs || options.noslip_iterations > 0 {
+        return read(&work.edge_force[first_edge..first_edge + row.rows() as usize]);
+    }
+    let (d, y) = (number(&row.d, lane), read(&work.y.component[range]));
+    signed_friction(row, lane).map(|(j, mu)| (-d * mu.mul_add(y[j], y[0])).max(0.0)).collect()
+}
+
+/// Component and signed friction of every edge of a pyramid.
+fn signed_friction<L: LaneQuery>(row: &ContactRow<L>, lane: usize) -> impl Iterator<Item = (usize, f64)> {
+    let mu = move |j: usize| number(&row.friction[j - 1], lane);
+    (1..row.dim as usize).flat_map(move |j| [(j, mu(j)), (j, -mu(j))])
+}
+
+/// The rows of a contact: its normal, the edges of its pyramid, or its components.
 fn contact_rows<L: LaneQuery>(
     view: &View<'_, L>,
     lane: usize,
     row: &ContactRow<L>,
     id: usize,
-    first_edge: usize,
+    forces: &[f64],
     out: &mut Vec<Row>,
 ) {
     let (first, dim) = (row.component as usize, row.dim as usize);
     let components = component_jacobians(view, lane, row);
-    let work = &view.workspace.solver;
-    let read = |lanes: &[L]| lanes[first..first + dim].iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
-    let reference = read(&view.workspace.constraint.reference);
-    let (y, force) = (read(&work.y.component), read(&work.force.component));
-    // Solvers of the dual problem work on the edges' forces themselves; of the others these follow from y.
-    let options = &view.tables.options;
-    let on_edges = options.solver == Solver::Pgs || options.noslip_iterations > 0;
+    let reference = &view.workspace.constraint.reference[first..first + dim];
+    let reference: Vec<f64> = reference.iter().map(|x| number(x, lane)).collect();
     let d = number(&row.d, lane);
     let margin = view.tables.pairs[row.pair as usize].margin.to_f64();
     let pos = number(&view.workspace.collision.contacts[row.contact as usize].dist, lane);
-    let mu = |j: usize| number(&row.friction[j - 1], lane);
     match row.cone {
         Cone::Ray => {
             let (kind, jacobian) = (CONTACT_FRICTIONLESS, components[0].clone());
-            out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[0], force: force[0] });
+            out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[0], force: forces[0] });
         }
         Cone::Pyramid => {
-            let signed = (1..dim).flat_map(|j| [(j, mu(j)), (j, -mu(j))]);
-            for (edge_index, (j, mu)) in (first_edge..).zip(signed) {
-                let mix = |v: &[f64]| mu.mul_add(v[j], v[0]);
+            for ((j, mu), force) in signed_friction(row, lane).zip(forces) {
                 let edge = |dof: usize| mu.mul_add(components[j][dof], components[0][dof]);
                 out.push(Row {
                     kind: CONTACT_PYRAMIDAL,
@@ -183,17 +214,18 @@ fn contact_rows<L: LaneQuery>(
                     pos,
                     margin,
                     d,
-                    aref: -mix(&reference),
-                    force: if on_edges { number(&work.edge_force[edge_index], lane) } else { (-d * mix(&y)).max(0.0) },
+                    aref: -mu.mul_add(reference[j], reference[0]),
+                    force: *force,
                 });
             }
         }
         Cone::Ellipse => {
             for (j, jacobian) in components.into_iter().enumerate() {
+                let mu = |j: usize| number(&row.friction[j - 1], lane);
                 let ratio = if j == 0 { 1.0 } else { (mu(j) / number(&row.mu, lane)).powi(2) };
                 let (pos, margin) = if j == 0 { (pos, margin) } else { (0.0, 0.0) };
                 let (kind, d) = (CONTACT_ELLIPTIC, d * ratio);
-                out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[j], force: force[j] });
+                out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[j], force: forces[j] });
             }
         }
     }
