@@ -28,7 +28,7 @@ from .errors import (
 from .model import Cone, Integrator, Key, Model, Options, Report, Solver
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
-from .worlds import Status, Worlds
+from .worlds import Status, StatusEvent, Worlds
 
 OUTPUTS: dict[str, str] = dict(_lanesim.OUTPUTS)
 """Names and meanings of everything that can be read or recorded."""
@@ -52,6 +52,7 @@ __all__ = [
     "Solver",
     "Spec",
     "Status",
+    "StatusEvent",
     "UnknownNameError",
     "UnsupportedError",
     "WorldMemoryError",

@@ -16,21 +16,41 @@ from .progress import Progress, following
 
 __all__ = ["Status", "StatusEvent", "Worlds"]
 
-Status = enum.IntFlag("Status", _lanesim.STATUS, module=__name__)  # type: ignore[misc]
-Status.__doc__ = """What happened to a world: bits that stay set until it is reset.
 
-``NonFinitePos``, ``NonFiniteVel``, ``NonFiniteAcc``: a number would have become NaN or infinite. ``HugeValue``: it would
-have exceeded the largest magnitude. ``BadCtrl``: a control was not finite, and all controls of that step were 0.
-``SingularInertia``, ``ContactOverflow``, ``NotConverged``: results are doubtful. ``Frozen``: the world keeps its last
-good state and is stepped no more.
-"""
+class Status(enum.IntFlag):
+    """What happened to a world: bits that stay set until it is reset."""
+
+    NonFinitePos = 1 << 0
+    """A position would have become NaN or infinite."""
+    NonFiniteVel = 1 << 1
+    """A velocity would have become NaN or infinite."""
+    NonFiniteAcc = 1 << 2
+    """An acceleration was NaN or infinite."""
+    HugeValue = 1 << 3
+    """A value exceeded the largest magnitude."""
+    BadCtrl = 1 << 4
+    """A control was NaN or infinite: all controls of that step were 0."""
+    QuatZero = 1 << 5
+    """A quaternion from outside had no length."""
+    QuatFar = 1 << 6
+    """A quaternion from outside was far from unit length."""
+    SingularInertia = 1 << 7
+    """The inertia matrix had a pivot near zero."""
+    ContactOverflow = 1 << 9
+    """More contacts than the capacity."""
+    NotConverged = 1 << 10
+    """The solver reached its limit of iterations."""
+    CallbackFailed = 1 << 14
+    """Code that a step called has failed."""
+    Frozen = 1 << 15
+    """The world is frozen: its state is the last good one, and it is stepped no more."""
 
 
 class StatusEvent(NamedTuple):
     """The first time that a bit was set in a world."""
 
-    status: Any
-    """The bit, a `Status`."""
+    status: Status
+    """The bit."""
     step: int
     """Steps that the batch had taken before the one in which it happened."""
     place: str
@@ -203,7 +223,7 @@ class Worlds:
         """For every bit of a world's status, when and where it was first set."""
         if not 0 <= world < self._nworld:
             raise InputError(f"there is no world {world}: the batch has {self._nworld}, counted from 0")
-        return [StatusEvent(Status(bit), *rest) for bit, *rest in self._w.status_detail(world)]
+        return [StatusEvent(Status(bit), step, place) for bit, step, place in self._w.status_detail(world)]
 
     def set(self, name: str, values: ArrayLike, mask: ArrayLike | None = None) -> None:
         """Sets a field of every world, or of those where `mask` ([nworld], bool) is true.
@@ -240,7 +260,7 @@ class Worlds:
     @overload
     def get(self, name: str, out: NDArray[Any] | None = None) -> NDArray[Any]: ...
     @overload
-    def get(self, name: Sequence[str]) -> dict[str, NDArray[Any]]: ...
+    def get(self, name: list[str] | tuple[str, ...]) -> dict[str, NDArray[Any]]: ...
     def get(self, name, out=None):
         """A field of every world, or several at once as a dict; `lanesim.OUTPUTS` describes them.
 
@@ -299,6 +319,7 @@ class Worlds:
     def _run(self, nstep: int, controls: Any, names: list[str], targets: list[Any], progress: Progress) -> None:
         with following(progress, self._nworld * nstep) as callback:
             self._w.run(nstep, controls, names, targets, callback)
+
     def forward(self) -> None:
         """Computes everything up to the acceleration for the present states, and with it `status`.
 

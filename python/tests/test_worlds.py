@@ -214,6 +214,10 @@ def test_diverged_worlds_raise() -> None:
         diverging(on_diverge="raise").step(3)
 
 
+def test_status_bits_are_those_of_the_engine() -> None:
+    assert {bit.name: bit.value for bit in lanesim.Status} == dict(lanesim._lanesim.STATUS)
+
+
 def test_forward_changes_no_state(ant) -> None:
     worlds = lanesim.Worlds(ant, 4)
     before = worlds.save_state()
