@@ -1,9 +1,11 @@
-//! A block: as many worlds as the lane type is wide, with their state, status and forces from outside.
+//! A block: as many worlds as the lane type is wide, with their state, status and forces from outside, while they are
+//! worked on. In between they are in the store.
 
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model, Sizes};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
+use crate::rows::Strided;
 use crate::status::{Element, First};
 use crate::worlds::Field;
 
@@ -19,15 +21,13 @@ pub(crate) struct Block<L> {
 }
 
 impl<L: LaneQuery> Block<L> {
-    /// Worlds in the reference configuration, at rest. `worlds` lanes are worlds; the rest are padding that is never
-    /// stepped.
-    pub fn new(model: &Model<L::Real>, worlds: usize) -> Self {
+    /// Worlds in the reference configuration, at rest; none of them is stepped.
+    pub fn new(model: &Model<L::Real>) -> Self {
         let mut state = State::new(&model.sizes);
         for (q, q0) in state.qpos.iter_mut().zip(&model.qpos0) {
             *q = L::splat(*q0);
         }
-        let alive = ((1_u64 << worlds) - 1) as u32;
-        Block { state, status: BlockStatus { alive, ..BlockStatus::default() }, applied: None, firsts: Vec::new() }
+        Block { state, status: BlockStatus::default(), applied: None, firsts: Vec::new() }
     }
 
     /// The field's entries; allocates forces from outside.
@@ -56,6 +56,12 @@ impl<L: LaneQuery> Block<L> {
         for (entry, x) in self.lanes(field, sizes).iter_mut().zip(values) {
             entry.set(lane, L::Real::from_f64(*x));
         }
+    }
+
+    /// Sets a field of one lane from a world's row.
+    pub fn set_row(&mut self, field: Field, sizes: &Sizes, lane: usize, rows: &Strided<'_>, world: usize) {
+        let entries = self.lanes(field, sizes);
+        rows.row(world, entries.len(), |i, x| entries[i].set(lane, L::Real::from_f64(x)));
     }
 
     /// Appends a field of one lane to `out`.

@@ -34,6 +34,9 @@ pub enum Error {
         /// What happened, when and where.
         event: StatusEvent,
     },
+    /// The caller stopped a run before its end.
+    #[error("stopped before the end")]
+    Cancelled,
     /// No output, field or key of that name.
     #[error("{0}")]
     Unknown(String),

@@ -16,8 +16,10 @@ pub mod outputs;
 pub mod plan;
 pub mod pool;
 pub mod rollout;
+pub mod rows;
 pub mod spec;
 pub mod status;
+mod store;
 pub mod worlds;
 
 pub use compile::compile;

@@ -1,6 +1,6 @@
 //! Rollouts: controls in, chosen outputs out.
 
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use lanesim_kernels::constraint::DofRowKind;
 use lanesim_kernels::lane::{LaneQuery, Real};
@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::memory;
 use crate::model::Model;
 use crate::outputs::Output;
+use crate::rows::Values;
 
 /// Controls of a rollout.
 #[derive(Clone, Copy, Debug, Default)]
@@ -20,6 +21,16 @@ pub enum Controls<'a> {
     Keep,
     /// One row per world and step: `[nworld, nstep, nu]`.
     Given(&'a [f64]),
+    /// Rows in an array of any layout: that of world `w` at step `t` begins at `w * world + t * step`. A stride of 0
+    /// repeats one row.
+    Strided {
+        /// The array.
+        values: Values<'a>,
+        /// From one world's row to the next.
+        world: usize,
+        /// From one step's row to the next.
+        step: usize,
+    },
     /// Uniform in the control range of limited actuators and in [-1, 1] of others, redrawn every step.
     Noise {
         /// Seed; the numbers depend on (seed, world, step, actuator) alone.
@@ -39,6 +50,9 @@ pub struct Rollout<'a> {
     pub outputs: &'a [Output],
     /// Counts finished world steps while the rollout runs.
     pub progress: Option<&'a AtomicU64>,
+    /// Stops the rollout when it turns true: every world ends after some whole number of steps, and the result is
+    /// [`Error::Cancelled`].
+    pub cancel: Option<&'a AtomicBool>,
     /// Whether to gather statistics.
     pub statistics: bool,
     /// Whether to time the stages.
@@ -46,6 +60,29 @@ pub struct Rollout<'a> {
 }
 
 impl Rollout<'_> {
+    /// Whether the caller wants it to stop.
+    pub fn cancelled(&self) -> bool {
+        self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+    }
+
+    /// An error if strided controls end before the last row.
+    fn check_strides(&self, nu: usize, nworld: usize) -> Result<(), Error> {
+        let Controls::Strided { values, world, step } = self.controls else { return Ok(()) };
+        if nu == 0 || nworld == 0 || self.nstep == 0 {
+            return Ok(());
+        }
+        let last = (nworld - 1).checked_mul(world).zip((self.nstep - 1).checked_mul(step));
+        let end = last.and_then(|(w, t)| w.checked_add(t)).and_then(|at| at.checked_add(nu));
+        if end.is_some_and(|end| end <= values.len()) {
+            return Ok(());
+        }
+        Err(Error::Input(format!(
+            "controls have {} numbers; too few for strides ({world}, {step}) and nworld {nworld}, nstep {}, nu {nu}",
+            values.len(),
+            self.nstep
+        )))
+    }
+
     /// Checks shapes and values of the controls, and that outputs can be recorded.
     pub fn check(&self, model: &Model, nworld: usize) -> Result<(), Error> {
         if let Some(output) = self.outputs.iter().find(|output| output.width(model).is_none()) {
@@ -54,8 +91,9 @@ impl Rollout<'_> {
                 "{name} differs in length between worlds and cannot be recorded in a rollout"
             )));
         }
-        let Controls::Given(controls) = self.controls else { return Ok(()) };
         let nu = model.tables().sizes.nu;
+        self.check_strides(nu, nworld)?;
+        let Controls::Given(controls) = self.controls else { return Ok(()) };
         let (given, nstep) = (controls.len(), self.nstep);
         if memory::product(&[nworld, nstep, nu]) != Some(given) {
             return Err(Error::Input(format!(

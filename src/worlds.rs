@@ -8,10 +8,12 @@ use wide::{f32x16, f64x8};
 
 use crate::batch::{Batch, Engine};
 use crate::error::Error;
+use crate::memory;
 use crate::model::{Key, Model};
 use crate::outputs::Output;
 use crate::pool::Pool;
 use crate::rollout::{Rollout, Trajectories};
+use crate::rows::{Rows, Strided};
 use crate::status::{OnDiverge, StatusEvent};
 
 /// Number type of the simulation.
@@ -127,7 +129,11 @@ pub struct Worlds {
 impl Worlds {
     /// `nworld` worlds in the reference configuration, at rest.
     pub fn new(model: &Model, nworld: usize, options: &Options) -> Result<Self, Error> {
-        let pool = Pool::new(options.threads)?;
+        Worlds::with_pool(model, nworld, options, Arc::new(Pool::new(options.threads)?))
+    }
+
+    /// The same on the threads of a pool that others may use too, though not at the same time.
+    pub fn with_pool(model: &Model, nworld: usize, options: &Options, pool: Arc<Pool>) -> Result<Self, Error> {
         let limit = options.max_contacts;
         let restart = match options.on_diverge {
             OnDiverge::Reset { key } => Some(key_state(model, key)?),
@@ -241,6 +247,97 @@ impl Worlds {
         Ok(())
     }
 
+    /// Resets every world, or those where `mask` is true, as [`reset`](Worlds::reset) does, on all threads.
+    pub fn reset_all(&mut self, mask: Option<&[bool]>, key: Option<usize>) -> Result<(), Error> {
+        mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
+        self.engine.reset_all(mask, &key_state(&self.model, key)?);
+        Ok(())
+    }
+
+    /// Sets one world's status: with its other fields, this restores a world exactly.
+    pub fn set_status(&mut self, world: usize, status: Status) -> Result<(), Error> {
+        self.check_world(world)?;
+        self.engine.set_status(world, status);
+        Ok(())
+    }
+
+    /// Sets a field of all worlds, or of those where `mask` is true, on all threads. Nothing is set if a row is missing;
+    /// values are not looked at (see [`Values::check_finite`](crate::rows::Values::check_finite)).
+    ///
+    /// ```
+    /// use lanesim::rows::{Rows, Strided, Values};
+    /// use lanesim::{Field, Model, Options, Worlds};
+    ///
+    /// let xml = "<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>";
+    /// let model = Model::from_xml_string(xml, &Default::default())?;
+    /// let mut worlds = Worlds::new(&model, 3, &Options::default())?;
+    /// worlds.write_all(Field::Qvel, &Strided::new(Values::F32(&[1.0, 2.0, 3.0]), 1), Some(&[true, false, true]))?;
+    ///
+    /// let mut qvel = [0.0; 3];
+    /// worlds.read_all(&["qvel"], vec![Rows::F64(&mut qvel)])?;
+    /// assert_eq!(qvel, [1.0, 0.0, 3.0]);
+    /// # Ok::<(), lanesim::Error>(())
+    /// ```
+    pub fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>) -> Result<(), Error> {
+        let (width, nworld) = (field.len(&self.model), self.nworld());
+        mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
+        if !rows.fits(nworld, width) {
+            let given = rows.values.len();
+            return Err(Error::Input(format!(
+                "{} has {given} numbers; expected {} = nworld {nworld} × {width}",
+                field.name(),
+                nworld * width
+            )));
+        }
+        self.engine.write_all(field, rows, mask);
+        Ok(())
+    }
+
+    /// Writes outputs of all worlds' present states to the caller's arrays, `[nworld, width]` each, on all threads.
+    /// Derived ones are computed, as by [`forward`](Worlds::forward); so is everything if no output is named, for the
+    /// sake of the worlds' statuses.
+    pub fn read_all(&mut self, names: &[&str], rows: Vec<Rows<'_>>) -> Result<(), Error> {
+        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>()?;
+        self.check_rows(&outputs, &rows, 1)?;
+        if outputs.is_empty() {
+            let mut lists = vec![Vec::new(); self.nworld()];
+            self.engine.read_all(&[Output::named("status")?], vec![Rows::Lists(&mut lists)]);
+        }
+        self.engine.read_all(&outputs, rows);
+        Ok(())
+    }
+
+    /// Rows must hold one entry per number, world and step; lists one per world.
+    fn check_rows(&self, outputs: &[Output], rows: &[Rows<'_>], nstep: usize) -> Result<(), Error> {
+        if outputs.len() != rows.len() {
+            return Err(Error::Input(format!("{} arrays for {} outputs", rows.len(), outputs.len())));
+        }
+        for (output, rows) in outputs.iter().zip(rows) {
+            let name = output.name();
+            let lists = matches!(rows, Rows::Lists(_));
+            let width = if lists { Some(1) } else { output.width(&self.model) };
+            let Some(width) = width else {
+                return Err(Error::Input(format!(
+                    "{name} differs in length between worlds: it needs a list per world"
+                )));
+            };
+            let expected = self.nworld() * nstep * width;
+            if rows.len() != expected || (lists && nstep != 1) {
+                let given = rows.len();
+                return Err(Error::Input(format!("array for {name} has {given} entries; expected {expected}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_mask(&self, mask: &[bool]) -> Result<(), Error> {
+        let (given, expected) = (mask.len(), self.nworld());
+        if given == expected {
+            return Ok(());
+        }
+        Err(Error::Input(format!("the mask has {given} entries; expected nworld {expected}")))
+    }
+
     /// Advances every world by `nstep` steps with its present controls.
     pub fn step(&mut self, nstep: usize) -> Result<(), Error> {
         self.rollout(&Rollout { nstep, ..Rollout::default() }).map(|_| ())
@@ -248,11 +345,28 @@ impl Worlds {
 
     /// Takes every world through `nstep` steps, block by block.
     pub fn rollout(&mut self, rollout: &Rollout<'_>) -> Result<Trajectories, Error> {
+        rollout.check(&self.model, self.nworld())?;
+        let zeros = |output: &Output| {
+            memory::zeros("the outputs", &[self.nworld(), rollout.nstep, output.width(&self.model).unwrap_or(0)])
+        };
+        let mut outputs = rollout.outputs.iter().map(zeros).collect::<Result<Vec<_>, _>>()?;
+        let rows = outputs.iter_mut().map(|output| Rows::F64(output)).collect();
+        let result = self.rollout_into(rollout, rows)?;
+        Ok(Trajectories { outputs, ..result })
+    }
+
+    /// The same with the outputs written to the caller's arrays, `[nworld, nstep, width]` each;
+    /// [`Trajectories::outputs`] stays empty.
+    pub fn rollout_into(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Result<Trajectories, Error> {
         if rollout.nstep > 0 {
             self.model.check_step()?;
         }
         rollout.check(&self.model, self.nworld())?;
-        let trajectories = self.engine.rollout(rollout)?;
+        self.check_rows(rollout.outputs, &rows, rollout.nstep)?;
+        let trajectories = self.engine.rollout(rollout, rows);
+        if rollout.cancelled() {
+            return Err(Error::Cancelled);
+        }
         match self.options.on_diverge {
             OnDiverge::Error => self.first_lost().map_or(Ok(trajectories), Err),
             OnDiverge::Freeze | OnDiverge::Reset { .. } => Ok(trajectories),
@@ -275,7 +389,11 @@ impl Worlds {
     /// Computes `outputs` without stepping, no more than they need, and hands each world's to `sink`, in the order of
     /// worlds: world, then one array per output.
     pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
-        self.engine.forward(outputs, sink);
+        let mut lists = vec![vec![Vec::new(); self.nworld()]; outputs.len()];
+        self.engine.read_all(outputs, lists.iter_mut().map(|list| Rows::Lists(list)).collect());
+        for world in 0..self.nworld() {
+            sink(world, lists.iter_mut().map(|list| std::mem::take(&mut list[world])).collect());
+        }
     }
 
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.

@@ -6,6 +6,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::document::{Document, Include};
 use super::report::{Report, file_problem, quoted};
 use super::scan::MOST_BYTES;
 use super::tree::Tree;
@@ -18,6 +19,8 @@ pub(super) enum Files<'a> {
     Disk { folder: PathBuf, main: PathBuf },
     /// Texts by name.
     Memory(&'a BTreeMap<String, String>),
+    /// Texts as an earlier load found them.
+    Recorded(&'a Document),
 }
 
 /// Parses the main text and everything that it includes.
@@ -26,11 +29,12 @@ pub(super) fn read(
     file: Option<&Arc<str>>,
     files: &Files,
     report: &mut Report,
+    record: Option<&mut Vec<Include>>,
 ) -> Result<Tree, Diagnostics> {
     let mut tree = Tree::default();
     check_size(text.len(), file)?;
     tree.append(text, file)?;
-    let mut loader = Loader { files, seen: HashSet::new(), bytes: text.len() };
+    let mut loader = Loader { files, seen: HashSet::new(), bytes: text.len(), record };
     if let Files::Disk { main, .. } = files {
         loader.seen.insert(identity(main));
     }
@@ -52,6 +56,7 @@ struct Loader<'a> {
     files: &'a Files<'a>,
     seen: HashSet<PathBuf>,
     bytes: usize,
+    record: Option<&'a mut Vec<Include>>,
 }
 
 impl Loader<'_> {
@@ -73,6 +78,10 @@ impl Loader<'_> {
                 Some(text) => (PathBuf::from(&name), Ok(text.clone())),
                 None => (PathBuf::from(&name), Err("no such file among those given".to_string())),
             },
+            Files::Recorded(document) => match document.find(element.source.file.as_deref(), &name) {
+                Some(include) => (PathBuf::from(&include.path), Ok(include.text.clone())),
+                None => (PathBuf::from(&name), Err("no such file among those recorded".to_string())),
+            },
             Files::Disk { folder, .. } => {
                 let path = find(&name, folder, element.source.file.as_deref());
                 let text = read_text(&path);
@@ -88,11 +97,15 @@ impl Loader<'_> {
         };
         let known = match self.files {
             Files::Disk { .. } => identity(&path),
-            Files::Memory(_) => path.clone(),
+            Files::Memory(_) | Files::Recorded(_) => path.clone(),
         };
         if !self.seen.insert(known) {
             report.error(element, format!("file {} was already included", quoted(&name)), "include each file once");
             return Ok(None);
+        }
+        if let Some(record) = &mut self.record {
+            let (by, path) = (element.source.file.as_deref().map(str::to_string), path.display().to_string());
+            record.push(Include { by, name, path, text: text.clone() });
         }
         self.bytes += text.len();
         let file: Arc<str> = path.display().to_string().into();

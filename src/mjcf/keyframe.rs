@@ -3,7 +3,11 @@
 use super::reader::Reader;
 use super::report::Report;
 use super::tree::Tree;
+use super::value::integer;
 use crate::spec::Key;
+
+/// Most keyframes that `size/nkey` may ask for.
+const MOST_KEYS: usize = 10_000;
 
 /// Reads all keys. `kept` says which actuators a lenient load kept.
 pub(super) fn read(tree: &Tree, kept: &[bool], lost_coordinates: bool, report: &mut Report) -> Vec<Key> {
@@ -30,6 +34,17 @@ pub(super) fn read(tree: &Tree, kept: &[bool], lost_coordinates: bool, report: &
             drop_actuators(&mut key, kept, report, element);
         }
         keys.push(key);
+    }
+    // `size/nkey` is the least number of keys; those that are not written are the initial state.
+    for index in tree.sections("size") {
+        let element = &tree[index];
+        match element.get("nkey").map_or(Ok(None), integer) {
+            Ok(Some(n)) if n > MOST_KEYS as i32 => {
+                report.error(element, format!("nkey is {n}, more than {MOST_KEYS}"), "");
+            }
+            Ok(n) => keys.resize(keys.len().max(usize::try_from(n.unwrap_or(0)).unwrap_or(0)), Key::default()),
+            Err(message) => report.error(element, format!("attribute \"nkey\": {message}"), ""),
+        }
     }
     keys
 }

@@ -13,6 +13,7 @@ mod compiler;
 mod contact;
 mod custom;
 mod defaults;
+mod document;
 mod geom;
 mod include;
 mod joint;
@@ -35,14 +36,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
-use crate::spec::{Actuator, Exclude, Pair, Source, Spec, Transmission};
+use crate::spec::{Actuator, Exclude, Pair, Spec, Transmission};
 use actuator::Tag;
 use body::Builder;
 use defaults::{Classes, MAIN};
+pub use document::{Document, Include};
 use include::Files;
 use reader::Reader;
 use reference::{Entry, References};
-use report::{Report, file_problem};
+use report::Report;
 use tree::Tree;
 
 /// How to load a model.
@@ -57,11 +59,7 @@ pub struct LoadOptions {
 
 /// Loads a model from a file. Files that it includes are found relative to it.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Spec, Diagnostics> {
-    let file: Arc<str> = path.display().to_string().into();
-    let source = Source { file: Some(file.clone()), line: 0 };
-    let text = include::read_text(path).map_err(|message| file_problem(&source, format!("the file {message}"), ""))?;
-    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-    read(&text, Some(&file), &Files::Disk { folder, main: path.to_path_buf() }, options)
+    Document::load(path, options).map(|(_, spec)| spec)
 }
 
 /// Parses a model from text that includes no other file.
@@ -75,12 +73,23 @@ pub fn parse_with_files(
     files: &BTreeMap<String, String>,
     options: &LoadOptions,
 ) -> Result<Spec, Diagnostics> {
-    read(text, None, &Files::Memory(files), options)
+    read(text, None, &Files::Memory(files), options, None)
 }
 
-fn read(text: &str, file: Option<&Arc<str>>, files: &Files, options: &LoadOptions) -> Result<Spec, Diagnostics> {
+/// Replaces options of a spec, as [`LoadOptions::overrides`] does while loading.
+pub fn override_options(spec: &mut Spec, overrides: &[(String, String)]) -> Result<(), Diagnostics> {
+    option::apply(overrides, &mut spec.option)
+}
+
+fn read(
+    text: &str,
+    file: Option<&Arc<str>>,
+    files: &Files,
+    options: &LoadOptions,
+    record: Option<&mut Vec<Include>>,
+) -> Result<Spec, Diagnostics> {
     let mut report = Report::new(options.lenient);
-    let tree = include::read(text, file, files, &mut report)?;
+    let tree = include::read(text, file, files, &mut report, record)?;
     schema::check(&tree, &mut report);
     let mut spec = Spec::new(tree[0].get("model").unwrap_or_default());
     let angles = compiler::read(&tree, &mut spec.compiler, &mut report);

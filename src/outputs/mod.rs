@@ -12,6 +12,7 @@ use self::frames::Poses;
 use crate::block::Block;
 use crate::error::Error;
 use crate::model::Model;
+use crate::rows::Rows;
 use crate::worlds::Field;
 
 /// A world's stages, for outputs.
@@ -33,6 +34,7 @@ pub(crate) struct Buffers {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     State(Field),
+    FullPhysics,
     Status,
     Xpos,
     Xquat,
@@ -87,7 +89,7 @@ enum Kind {
 }
 
 /// Names, and one line each of what they are.
-const TABLE: [(&str, Kind, &str); 60] = [
+const TABLE: [(&str, Kind, &str); 61] = [
     ("time", Kind::State(Field::Time), "time, s"),
     ("qpos", Kind::State(Field::Qpos), "positions"),
     ("qvel", Kind::State(Field::Qvel), "velocities"),
@@ -96,6 +98,7 @@ const TABLE: [(&str, Kind, &str); 60] = [
     ("qacc_warmstart", Kind::State(Field::QaccWarmstart), "start of the solver"),
     ("qfrc_applied", Kind::State(Field::QfrcApplied), "generalised forces from outside"),
     ("xfrc_applied", Kind::State(Field::XfrcApplied), "forces and torques on bodies from outside"),
+    ("state", Kind::FullPhysics, "time, qpos, qvel and act in one row"),
     ("status", Kind::Status, "status bits"),
     ("xpos", Kind::Xpos, "positions of body frames, m"),
     ("xquat", Kind::Xquat, "orientations of body frames"),
@@ -195,7 +198,7 @@ impl Output {
             Xpos, Xquat, Xvel,
         };
         Some(match self.kind {
-            State(_) => return None,
+            State(_) | Kind::FullPhysics => return None,
             Xpos
             | Xquat
             | Xmat
@@ -253,6 +256,7 @@ impl Output {
             | Kind::Ncon
             | Kind::Nefc => fixed(&[]),
             Kind::State(field) => fixed(&[field.len(model)]),
+            Kind::FullPhysics => fixed(&[1 + s.nq + s.nv + s.na]),
             Kind::Xpos | Kind::Xipos | Kind::SubtreeCom => fixed(&[s.nbody, 3]),
             Kind::Xquat => fixed(&[s.nbody, 4]),
             Kind::Xmat | Kind::Ximat => fixed(&[s.nbody, 9]),
@@ -302,21 +306,19 @@ impl Output {
         fixed.then(|| shape.iter().product())
     }
 
-    /// Writes a world's numbers to `out`. Allocates nothing once the buffers have grown.
-    pub(crate) fn write<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, buffers: &mut Buffers, out: &mut [f64]) {
+    /// Writes a world's numbers to `out`, from entry `at` on. Allocates nothing once the buffers have grown.
+    pub(crate) fn write<L: LaneQuery>(
+        &self,
+        view: &View<'_, L>,
+        lane: usize,
+        buffers: &mut Buffers,
+        out: &mut Rows<'_>,
+        at: usize,
+    ) {
         let Buffers { row, poses } = buffers;
         row.clear();
         self.extend(view, lane, poses, row);
-        for (to, from) in out.iter_mut().zip(row) {
-            *to = *from;
-        }
-    }
-
-    /// A world's numbers.
-    pub(crate) fn values<L: LaneQuery>(&self, view: &View<'_, L>, lane: usize, buffers: &mut Buffers) -> Vec<f64> {
-        let mut out = Vec::new();
-        self.extend(view, lane, &mut buffers.poses, &mut out);
-        out
+        out.write(at, row);
     }
 
     /// Appends a world's numbers to `out`.
@@ -332,6 +334,11 @@ impl Output {
         };
         match self.kind {
             Kind::State(field) => view.block.read(field, &view.tables.sizes, lane, out),
+            Kind::FullPhysics => {
+                for field in [Field::Time, Field::Qpos, Field::Qvel, Field::Act] {
+                    view.block.read(field, &view.tables.sizes, lane, out);
+                }
+            }
             Kind::Status => out.push(f64::from(view.block.status.lane(lane).0)),
             Kind::Xpos => frames::positions(view, lane, &placements.bodies, out),
             Kind::Xquat => frames::quaternions(view, lane, &placements.bodies, poses, out),

@@ -79,6 +79,9 @@ fn keyframes() {
     let spec = ok(&with_joint("<keyframe><key name='a' time='1' qpos='1' ctrl=''/><key/></keyframe>"));
     assert_eq!((spec.keys[0].qpos.clone(), spec.keys[0].ctrl.clone()), (Some(vec![1.0]), None));
     assert_eq!((spec.keys.len(), spec.keys[0].time), (2, 1.0));
+    let sized = |n: &str| with_joint(&format!("<size nkey='{n}'/><keyframe><key/></keyframe>"));
+    assert_eq!([ok(&sized("3")).keys.len(), ok(&sized("0")).keys.len(), ok(&sized("-1")).keys.len()], [3, 1, 1]);
+    rejects(&sized("1000000000"), "1: size: nkey is 1000000000, more than 10000");
 }
 
 #[test]

@@ -1,0 +1,63 @@
+"""A batch simulator for articulated bodies with contact: MuJoCo's models and names, thousands of worlds at a time.
+
+>>> import lanesim, numpy as np
+>>> model = lanesim.Model.from_xml_path("models/zoo/ant.xml")
+>>> worlds = lanesim.Worlds(model, 1024)
+>>> worlds.ctrl = np.random.uniform(-1, 1, (1024, model.nu))
+>>> worlds.step(100)
+>>> worlds.get("xpos").shape
+(1024, 10, 3)
+
+`Model` compiles MJCF. `Worlds` holds many worlds of a model. `rollout` has the shapes of ``mujoco.rollout``. `OUTPUTS`
+describes every quantity that ``Worlds.get`` and ``rollout(outputs=...)`` know. `lanesim.gym` has a vector environment.
+"""
+
+from . import _lanesim
+from ._lanesim import __version__
+from .errors import (
+    Diagnostic,
+    DivergedError,
+    InputError,
+    LanesimError,
+    ModelError,
+    OptionError,
+    UnknownNameError,
+    UnsupportedError,
+    WorldMemoryError,
+)
+from .model import Cone, Integrator, Key, Model, Options, Report, Solver
+from .rollout import Rollout, rollout, shutdown_persistent_pool
+from .spec import Element, Spec
+from .worlds import Status, StatusEvent, Worlds
+
+OUTPUTS: dict[str, str] = dict(_lanesim.OUTPUTS)
+"""Names and meanings of everything that can be read or recorded."""
+
+__all__ = [
+    "Cone",
+    "Diagnostic",
+    "DivergedError",
+    "Element",
+    "InputError",
+    "Integrator",
+    "Key",
+    "LanesimError",
+    "Model",
+    "ModelError",
+    "OUTPUTS",
+    "OptionError",
+    "Options",
+    "Report",
+    "Rollout",
+    "Solver",
+    "Spec",
+    "Status",
+    "StatusEvent",
+    "UnknownNameError",
+    "UnsupportedError",
+    "WorldMemoryError",
+    "Worlds",
+    "__version__",
+    "rollout",
+    "shutdown_persistent_pool",
+]

@@ -1,0 +1,369 @@
+"""Many worlds of one model."""
+
+from __future__ import annotations
+
+import copy
+import enum
+from typing import Any, Mapping, NamedTuple, Sequence, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from . import _arrays, _lanesim
+from .errors import InputError, UnknownNameError, UnsupportedError
+from .model import Model
+from .progress import Progress, following
+
+__all__ = ["Status", "StatusEvent", "Worlds"]
+
+
+class Status(enum.IntFlag):
+    """What happened to a world: bits that stay set until it is reset."""
+
+    NonFinitePos = 1 << 0
+    """A position would have become NaN or infinite."""
+    NonFiniteVel = 1 << 1
+    """A velocity would have become NaN or infinite."""
+    NonFiniteAcc = 1 << 2
+    """An acceleration was NaN or infinite."""
+    HugeValue = 1 << 3
+    """A value exceeded the largest magnitude."""
+    BadCtrl = 1 << 4
+    """A control was NaN or infinite: all controls of that step were 0."""
+    QuatZero = 1 << 5
+    """A quaternion from outside had no length."""
+    QuatFar = 1 << 6
+    """A quaternion from outside was far from unit length."""
+    SingularInertia = 1 << 7
+    """The inertia matrix had a pivot near zero."""
+    ContactOverflow = 1 << 9
+    """More contacts than the capacity."""
+    NotConverged = 1 << 10
+    """The solver reached its limit of iterations."""
+    CallbackFailed = 1 << 14
+    """Code that a step called has failed."""
+    Frozen = 1 << 15
+    """The world is frozen: its state is the last good one, and it is stepped no more."""
+
+
+class StatusEvent(NamedTuple):
+    """The first time that a bit was set in a world."""
+
+    status: Status
+    """The bit."""
+    step: int
+    """Steps that the batch had taken before the one in which it happened."""
+    place: str
+    """Where, such as ``joint 3 "knee"``; empty: the world as a whole."""
+
+
+_FORCES = ("qfrc_applied", "xfrc_applied")
+_KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart")
+
+
+def _field(name: str, doc: str) -> Any:
+    def get(self: "Worlds") -> NDArray[Any]:
+        array = self.get(name)
+        array.flags.writeable = False
+        return array
+
+    def set_(self: "Worlds", values: ArrayLike) -> None:
+        self.set(name, values)
+
+    return property(get, set_, doc=doc)
+
+
+class Worlds:
+    """`nworld` worlds of `model`, in the reference configuration and at rest.
+
+    A world's results are the same bits whatever its place, its neighbours, the number of worlds and of threads.
+
+    The state's fields (`qpos`, `qvel`, ...) are arrays with one row per world. Reading one copies it out of the engine;
+    the copy is read-only, so that ``worlds.qpos[0] = 1`` cannot pass unnoticed without effect. Assign whole arrays
+    (``worlds.qpos = q``; a single row goes to every world), or use `set` with a mask. Numbers are float64, or float32 if
+    `precision` is "f32".
+
+    precision: "f64", or "f32" for twice the worlds per vector register.
+    threads: worker threads; None: as many as there are processors.
+    on_diverge: what happens to worlds whose state would become NaN, infinite or huge. "freeze": they keep their last good
+        state, and `status` says so. "reset": they start anew from the reference configuration and go on; `status` keeps
+        what happened. "raise": they are frozen, and `step` raises `DivergedError` once all others are done.
+    backend: "auto", "wide" (SIMD lanes) or "scalar" (one world at a time; the same bits).
+    max_contacts: most contacts of a world.
+
+    Several batches may be used from several Python threads at once; the interpreter is free while one is stepped.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        nworld: int,
+        precision: str = "f64",
+        threads: int | None = None,
+        on_diverge: str = "freeze",
+        *,
+        backend: str = "auto",
+        max_contacts: int = 1024,
+        _pool: Any = None,
+    ) -> None:
+        if not isinstance(model, Model):
+            raise TypeError(f"model is a {type(model).__name__}; expected a lanesim.Model")
+        nworld = _arrays.count("nworld", nworld, 1)
+        _arrays.choice("precision", precision, ("f64", "f32"))
+        _arrays.choice("on_diverge", on_diverge, ("freeze", "reset", "raise"))
+        _arrays.choice("backend", backend, ("auto", "wide", "scalar"))
+        threads = None if threads is None else _arrays.count("threads", threads, 1)
+        max_contacts = _arrays.count("max_contacts", max_contacts, 0)
+        self._model = copy.copy(model)  # Options set later concern worlds made later.
+        self._nworld = nworld
+        self._precision = precision
+        self._forced = False
+        choice = dict(
+            precision=precision,
+            backend=backend,
+            threads=threads,
+            on_diverge=on_diverge,
+            max_contacts=max_contacts,
+        )
+        self._w = _lanesim.Worlds(model._m, nworld, choice, _pool)
+
+    # ---- what it is ----------------------------------------------------------------------------------------------
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self._model
+
+    @property
+    def nworld(self) -> int:
+        """Number of worlds."""
+        return self._nworld
+
+    @property
+    def precision(self) -> str:
+        """ "f64" or "f32"."""
+        return self._precision
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of the arrays: float64 or float32."""
+        return np.dtype(np.float32 if self._precision == "f32" else np.float64)
+
+    @property
+    def threads(self) -> int:
+        """Number of worker threads."""
+        return self._w.engine()[0]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes kept by the engine for all worlds; forces from outside come on top once they are set."""
+        return self._w.engine()[3] * self._nworld
+
+    def __len__(self) -> int:
+        return self._nworld
+
+    def __repr__(self) -> str:
+        return f"<lanesim.Worlds {self._nworld} x {self._model.name!r} {self._precision}, {self.threads} threads>"
+
+    # ---- state ---------------------------------------------------------------------------------------------------
+
+    time = _field("time", "Time, [nworld], s.")
+    qpos = _field("qpos", "Positions, [nworld, nq]; m, rad, quaternions (w, x, y, z).")
+    qvel = _field("qvel", "Velocities, [nworld, nv]; m/s, rad/s.")
+    act = _field("act", "Activations, [nworld, na].")
+    ctrl = _field("ctrl", "Controls, [nworld, nu]; kept from step to step.")
+    qacc_warmstart = _field("qacc_warmstart", "Where the solver starts, [nworld, nv]; m/s^2, rad/s^2.")
+    qfrc_applied = _field("qfrc_applied", "Generalised forces from outside, [nworld, nv]; N, N m.")
+    xfrc_applied = _field(
+        "xfrc_applied",
+        "Force (N) and torque (N m) on each body from outside, at its centre of mass, world axes, [nworld, nbody, 6].",
+    )
+
+    @property
+    def mocap_pos(self) -> NDArray[Any]:
+        """Positions of mocap bodies, [nworld, nmocap, 3], m. They stand still: other values raise `UnsupportedError`."""
+        return self._mocap(0)
+
+    @mocap_pos.setter
+    def mocap_pos(self, values: ArrayLike) -> None:
+        self._set_mocap("mocap_pos", 0, values)
+
+    @property
+    def mocap_quat(self) -> NDArray[Any]:
+        """Orientations of mocap bodies, [nworld, nmocap, 4], (w, x, y, z). As with `mocap_pos`, they cannot move yet."""
+        return self._mocap(1)
+
+    @mocap_quat.setter
+    def mocap_quat(self, values: ArrayLike) -> None:
+        self._set_mocap("mocap_quat", 1, values)
+
+    def _mocap(self, part: int) -> NDArray[Any]:
+        row = np.array(self._model._m.mocap()[part], dtype=self.dtype).reshape(-1, 3 + part)
+        return np.broadcast_to(row, (self._nworld, *row.shape))
+
+    def _set_mocap(self, name: str, part: int, values: ArrayLike) -> None:
+        width = 3 + part
+        given = _arrays.per_world(name, values, self._nworld, [("nmocap", self._model.nmocap), ("", width)])
+        if not np.allclose(given, self._mocap(part), rtol=0.0, atol=1e-6 if self._precision == "f32" else 1e-12):
+            raise UnsupportedError("moving mocap bodies is not built yet: they stand where the model puts them")
+
+    @property
+    def status(self) -> NDArray[np.uint32]:
+        """What happened to each world, [nworld] bits of `Status`."""
+        bits = self._w.statuses()
+        bits.flags.writeable = False
+        return bits
+
+    @property
+    def lost(self) -> int:
+        """Number of frozen worlds."""
+        return int(np.count_nonzero(self.status & Status.Frozen))
+
+    def status_detail(self, world: int) -> list[StatusEvent]:
+        """For every bit of a world's status, when and where it was first set."""
+        if not 0 <= world < self._nworld:
+            raise InputError(f"there is no world {world}: the batch has {self._nworld}, counted from 0")
+        return [StatusEvent(Status(bit), step, place) for bit, step, place in self._w.status_detail(world)]
+
+    def set(self, name: str, values: ArrayLike, mask: ArrayLike | None = None) -> None:
+        """Sets a field of every world, or of those where `mask` ([nworld], bool) is true.
+
+        `values` has the field's shape [nworld, ...], or that of one row, which every world gets. Integers and other
+        floats are converted; numbers that are not finite, other types and other shapes raise `InputError`.
+        """
+        mask = _arrays.mask_of(mask, self._nworld)
+        row = self._row(name)
+        array = _arrays.per_world(name, values, self._nworld, row)
+        width = int(np.prod([n for _, n in row]))
+        single = array.ndim == len(row) or (array.shape[0] == 1 and self._nworld > 1)
+        stride = 0 if single else width
+        self._w.write(name, array, (0, stride), mask, (name, list(array.shape)))
+        self._forced |= name in _FORCES
+
+    def _row(self, name: str) -> list[tuple[str, int]]:
+        """A field's dimensions after the first."""
+        m = self._model
+        rows: dict[str, list[tuple[str, int]]] = {
+            "time": [],
+            "qpos": [("nq", m.nq)],
+            "qvel": [("nv", m.nv)],
+            "act": [("na", m.na)],
+            "ctrl": [("nu", m.nu)],
+            "qacc_warmstart": [("nv", m.nv)],
+            "qfrc_applied": [("nv", m.nv)],
+            "xfrc_applied": [("nbody", m.nbody), ("", 6)],
+        }
+        if name not in rows:
+            raise UnknownNameError(f"there is no field {name} to set; there are {', '.join(rows)}")
+        return rows[name]
+
+    @overload
+    def get(self, name: str, out: NDArray[Any] | None = None) -> NDArray[Any]: ...
+    @overload
+    def get(self, name: list[str] | tuple[str, ...]) -> dict[str, NDArray[Any]]: ...
+    def get(self, name, out=None):
+        """A field of every world, or several at once as a dict; `lanesim.OUTPUTS` describes them.
+
+        State fields are copied; derived ones (``xpos``, ``qM``, ``qacc``, ``contact_dist``, ...) are computed for the
+        present state, as `forward` does. Shapes are MuJoCo's with a leading [nworld]. Where worlds differ in length
+        (contacts, constraint rows) arrays are padded with zeros to the longest, and ``ncon`` and ``nefc`` count.
+
+        `out`: an array of that shape, float64 or float32 (int32 for integers), to write to instead of a new one.
+        """
+        if isinstance(name, str):
+            return self._read([name], [out])[0]
+        if out is not None:
+            raise InputError("out goes with a single name")
+        names = list(name)
+        return dict(zip(names, self._read(names, [None] * len(names))))
+
+    def _read(self, names: list[str], outs: list[NDArray[Any] | None]) -> list[NDArray[Any]]:
+        arrays: list[Any] = []
+        shapes = []
+        for name, out in zip(names, outs):
+            fixed, shape, integer = self._model._m.output(name)
+            shapes.append(shape)
+            whole = (self._nworld, *shape)
+            if not fixed:
+                if out is not None:
+                    raise InputError(f"{name} differs in length between worlds: out cannot be given")
+                arrays.append(None)
+            elif out is None:
+                arrays.append(np.empty(whole, dtype=np.int32 if integer else self.dtype))
+            else:
+                kinds = (np.int32,) if integer else (np.float64, np.float32)
+                dims = [("nworld", self._nworld), *(("", n) for n in shape)]
+                arrays.append(_arrays.target(name, out, whole, dims, kinds))
+        padded = self._w.read(names, arrays)
+        for i, entry in enumerate(padded):
+            if entry is not None:
+                longest, flat = entry
+                width = int(np.prod(shapes[i]))
+                arrays[i] = flat.reshape(self._nworld, longest // width if width else 0, *shapes[i])
+        return arrays
+
+    # ---- time ----------------------------------------------------------------------------------------------------
+
+    def step(self, n: int = 1, ctrl: ArrayLike | None = None, *, progress: Progress = None) -> None:
+        """Advances every world by `n` steps with its present controls, or with `ctrl` ([nworld, nu] or [nu]), which
+        become the present ones.
+
+        Ctrl-C stops a long run: every world has then made some whole number of steps, not all the same number.
+        `progress`: True for a bar (needs tqdm), or a function that is called with (world steps done, all of them).
+        """
+        n = _arrays.count("n", n)
+        if ctrl is not None:
+            self.set("ctrl", ctrl)
+        self._run(n, None, [], [], progress)
+
+    def _run(self, nstep: int, controls: Any, names: list[str], targets: list[Any], progress: Progress) -> None:
+        with following(progress, self._nworld * nstep) as callback:
+            self._w.run(nstep, controls, names, targets, callback)
+
+    def forward(self) -> None:
+        """Computes everything up to the acceleration for the present states, and with it `status`.
+
+        Nothing is stored; `get` computes what it returns.
+        """
+        self._w.read([], [])
+
+    def reset(self, mask: ArrayLike | None = None, key: int | str | None = None) -> None:
+        """Puts every world, or those where `mask` ([nworld], bool) is true, into a keyframe (number or name) or into the
+        reference configuration, and clears forces from outside, warm start and status."""
+        index = None if key is None else self._model._key(key)
+        self._w.reset(_arrays.mask_of(mask, self._nworld), index)
+
+    def save_state(self) -> dict[str, NDArray[Any]]:
+        """All that is kept of the worlds, bit by bit: a dict of arrays, fit for ``np.savez`` and for `load_state`."""
+        names = [*_KEPT, *(_FORCES if self._forced else ())]
+        return {**self.get(names), "status": self._w.statuses()}
+
+    def load_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restores what `save_state` returned: stepping goes on with the same bits."""
+        missing = [name for name in (*_KEPT, "status") if name not in state]
+        if missing:
+            raise InputError(f"the state has no array `{missing[0]}`")
+        arrays = {}
+        for name in (*_KEPT, *(f for f in _FORCES if f in state)):
+            arrays[name] = _arrays.numbers(name, state[name])
+            dims = [("nworld", self._nworld), *self._row(name)]
+            if arrays[name].shape != tuple(n for _, n in dims):
+                raise _arrays.wrong_shape(name, arrays[name].shape, dims)
+        status = np.ascontiguousarray(state["status"], dtype=np.uint32)
+        if status.shape != (self._nworld,):
+            raise _arrays.wrong_shape("status", status.shape, [("nworld", self._nworld)])
+        if self._forced:
+            zero = np.zeros(1, dtype=self.dtype)
+            for name in _FORCES:
+                width = int(np.prod([n for _, n in self._row(name)]))
+                arrays.setdefault(name, np.broadcast_to(zero, (width,)).copy())
+        for name, array in arrays.items():
+            width = int(np.prod([n for _, n in self._row(name)]))
+            stride = width if array.ndim == 1 + len(self._row(name)) else 0
+            self._w.write(name, array, (0, stride), None, None)
+            self._forced |= name in _FORCES
+        self._w.set_statuses(status)
+
+    def state_hash(self) -> int:
+        """64-bit hash of positions and velocities in the order of worlds: equal for equal bits."""
+        return self._w.state_hash()

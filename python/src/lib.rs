@@ -1,0 +1,31 @@
+//! The compiled half of the Python package `lanesim`.
+//!
+//! What is here moves numbers and releases the interpreter; shapes, names and everything a user reads are in
+//! `python/lanesim/`.
+
+mod arrays;
+mod failure;
+mod model;
+mod watch;
+mod worlds;
+
+use pyo3::prelude::*;
+
+/// The compiled half of lanesim. Use the package `lanesim`.
+#[pymodule]
+mod _lanesim {
+    #[pymodule_export]
+    use super::arrays::check_finite;
+    #[pymodule_export]
+    use super::model::Model;
+    #[pymodule_export]
+    use super::worlds::{Pool, Worlds};
+    use super::{Bound, PyModule, PyModuleMethods, PyResult};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("STATUS", super::worlds::status_bits())?;
+        module.add("OUTPUTS", lanesim::outputs::Output::all().collect::<Vec<_>>())
+    }
+}

@@ -1,0 +1,204 @@
+//! The model, with the text that it came from.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use lanesim::mjcf::{self, Document, Include, LoadOptions};
+use lanesim::model::{ArrayData, Names};
+use lanesim::outputs::Output;
+use lanesim::spec::Spec;
+use numpy::{IntoPyArray, PyArrayMethods};
+use pyo3::exceptions::PyKeyError;
+use pyo3::prelude::*;
+
+use crate::failure::{self, rejected};
+
+/// A compiled model; immutable.
+#[pyclass(frozen, module = "lanesim._lanesim")]
+pub struct Model {
+    pub model: lanesim::Model,
+    source: Arc<Source>,
+    spec: Spec,
+    overrides: Overrides,
+}
+
+/// Options that replace those of the text, in the order in which they were given.
+type Overrides = Vec<(String, String)>;
+
+/// Where the model came from.
+struct Source {
+    document: Document,
+    lenient: bool,
+}
+
+/// An included file: (including path, name, path, text).
+type File = (Option<String>, String, String, String);
+
+impl Model {
+    fn compile(py: Python<'_>, source: Arc<Source>, spec: Spec, overrides: Overrides) -> PyResult<Model> {
+        let model = py.detach(|| lanesim::Model::from_spec(&spec)).map_err(|e| rejected(py, &e))?;
+        Ok(Model { model, source, spec, overrides })
+    }
+
+    fn names_of(&self, kind: &str) -> PyResult<&Names> {
+        let names = self.model.names();
+        Ok(match kind {
+            "body" => &names.bodies,
+            "joint" => &names.joints,
+            "geom" => &names.geoms,
+            "site" => &names.sites,
+            "actuator" => &names.actuators,
+            "key" => &names.keys,
+            _ => return Err(PyKeyError::new_err(kind.to_string())),
+        })
+    }
+}
+
+#[pymethods]
+impl Model {
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, lenient: bool, overrides: Overrides) -> PyResult<Model> {
+        let options = LoadOptions { lenient, overrides: overrides.clone() };
+        let (document, spec) = py.detach(|| Document::load(&path, &options)).map_err(|e| rejected(py, &e))?;
+        Model::compile(py, Arc::new(Source { document, lenient }), spec, overrides)
+    }
+
+    #[staticmethod]
+    fn parse(
+        py: Python<'_>,
+        text: &str,
+        files: BTreeMap<String, String>,
+        lenient: bool,
+        overrides: Overrides,
+    ) -> PyResult<Model> {
+        let options = LoadOptions { lenient, overrides: overrides.clone() };
+        let (document, spec) = py.detach(|| Document::parse(text, &files, &options)).map_err(|e| rejected(py, &e))?;
+        Model::compile(py, Arc::new(Source { document, lenient }), spec, overrides)
+    }
+
+    /// The model from what `document` returned.
+    #[staticmethod]
+    fn restore(
+        py: Python<'_>,
+        file: Option<String>,
+        text: String,
+        includes: Vec<File>,
+        lenient: bool,
+        overrides: Overrides,
+    ) -> PyResult<Model> {
+        let includes = includes.into_iter().map(|(by, name, path, text)| Include { by, name, path, text }).collect();
+        let document = Document { file, text, includes };
+        let options = LoadOptions { lenient, overrides: overrides.clone() };
+        let spec = py.detach(|| document.spec(&options)).map_err(|e| rejected(py, &e))?;
+        Model::compile(py, Arc::new(Source { document, lenient }), spec, overrides)
+    }
+
+    /// All that the model was made from.
+    fn document(&self) -> (Option<String>, String, Vec<File>, bool, Overrides) {
+        let Source { document, lenient } = &*self.source;
+        let file = |i: &Include| (i.by.clone(), i.name.clone(), i.path.clone(), i.text.clone());
+        let includes = document.includes.iter().map(file).collect();
+        (document.file.clone(), document.text.clone(), includes, *lenient, self.overrides.clone())
+    }
+
+    /// The same model with other options.
+    fn with_options(&self, py: Python<'_>, overrides: Overrides) -> PyResult<Model> {
+        let mut spec = self.spec.clone();
+        mjcf::override_options(&mut spec, &overrides).map_err(|e| rejected(py, &e))?;
+        let overrides = [&self.overrides[..], &overrides].concat();
+        Model::compile(py, self.source.clone(), spec, overrides)
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        self.model.name()
+    }
+
+    fn sizes(&self) -> Vec<(&'static str, usize)> {
+        self.model.sizes().to_vec()
+    }
+
+    fn array_names(&self) -> Vec<&'static str> {
+        self.model.array_names().collect()
+    }
+
+    /// An array by its name, copied.
+    fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(array) = self.model.array(name) else { return Ok(None) };
+        let shape = array.shape.clone();
+        Ok(Some(match &array.data {
+            ArrayData::F64(x) => x.clone().into_pyarray(py).reshape(shape)?.into_any(),
+            ArrayData::I32(x) => x.clone().into_pyarray(py).reshape(shape)?.into_any(),
+        }))
+    }
+
+    /// Flags of MJCF's `option/flag` by their names.
+    fn flags(&self) -> Vec<(&'static str, bool)> {
+        let f = &self.spec.option.flags;
+        vec![
+            ("constraint", f.constraint),
+            ("equality", f.equality),
+            ("frictionloss", f.frictionloss),
+            ("limit", f.limit),
+            ("contact", f.contact),
+            ("spring", f.spring),
+            ("damper", f.damper),
+            ("gravity", f.gravity),
+            ("clampctrl", f.clampctrl),
+            ("warmstart", f.warmstart),
+            ("filterparent", f.filterparent),
+            ("actuation", f.actuation),
+            ("refsafe", f.refsafe),
+            ("sensor", f.sensor),
+            ("midphase", f.midphase),
+            ("eulerdamp", f.eulerdamp),
+            ("autoreset", f.autoreset),
+            ("nativeccd", f.nativeccd),
+            ("island", f.island),
+            ("multiccd", f.multiccd),
+            ("override", f.override_),
+            ("energy", f.energy),
+            ("fwdinv", f.fwdinv),
+            ("invdiscrete", f.invdiscrete),
+            ("sleep", f.sleep),
+            ("diagexact", f.diagexact),
+        ]
+    }
+
+    fn names(&self, kind: &str) -> PyResult<Vec<String>> {
+        Ok(self.names_of(kind)?.iter().map(str::to_string).collect())
+    }
+
+    fn id(&self, kind: &str, name: &str) -> PyResult<Option<usize>> {
+        Ok(self.names_of(kind)?.id(name))
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.model.report().notes.clone()
+    }
+
+    fn losses(&self) -> Vec<String> {
+        self.model.report().losses.clone()
+    }
+
+    /// Range of every actuator's control: its own if it is limited, else [-1, 1].
+    fn control_ranges(&self) -> Vec<[f64; 2]> {
+        (0..self.model.tables().sizes.nu).map(|a| self.model.control_range(a)).collect()
+    }
+
+    /// Positions and orientations of mocap bodies as the model puts them.
+    fn mocap(&self) -> (Vec<[f64; 3]>, Vec<[f64; 4]>) {
+        let bodies = self.model.placements().bodies.iter();
+        let mut poses: Vec<_> = bodies.filter_map(|p| p.mocap.map(|m| (m, p.pos, p.quat))).collect();
+        poses.sort_by_key(|(m, ..)| *m);
+        poses.into_iter().map(|(_, pos, quat)| (pos, quat)).unzip()
+    }
+
+    /// An output's (lengths equal in all worlds, shape per world or per entry, integer).
+    fn output(&self, py: Python<'_>, name: &str) -> PyResult<(bool, Vec<usize>, bool)> {
+        let output = Output::named(name).map_err(|e| failure::raise(py, e))?;
+        let (fixed, shape) = output.shape(&self.model);
+        Ok((fixed, shape, output.is_integer()))
+    }
+}

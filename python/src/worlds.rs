@@ -1,0 +1,316 @@
+//! A batch of worlds, shared between threads of the interpreter.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
+use std::time::Instant;
+
+use lanesim::outputs::Output;
+use lanesim::rows::{Rows, Strided};
+use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Precision, Rollout};
+use lanesim_kernels::state::Status;
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
+
+use crate::arrays::{Numbers, Target};
+use crate::failure::{self, raise};
+use crate::model::Model;
+use crate::watch::watched;
+
+/// Runs that should take less do not get a thread of their own: they end before anyone could interrupt them.
+const SHORT_SECONDS: f64 = 0.02;
+
+/// The status bits and their names.
+pub fn status_bits() -> Vec<(&'static str, u32)> {
+    Status::NAMES.iter().map(|(bit, name)| (*name, bit.0)).collect()
+}
+
+/// Worker threads.
+#[pyclass(frozen, module = "lanesim._lanesim")]
+pub struct Pool(Arc<lanesim::pool::Pool>);
+
+#[pymethods]
+impl Pool {
+    #[new]
+    #[pyo3(signature = (threads=None))]
+    fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
+        Ok(Pool(Arc::new(lanesim::pool::Pool::new(threads).map_err(|e| raise(py, e))?)))
+    }
+
+    #[getter]
+    fn threads(&self) -> usize {
+        self.0.threads()
+    }
+}
+
+/// Options of a batch: a dict, every word of which is known to be right.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Choice {
+    precision: String,
+    backend: String,
+    threads: Option<usize>,
+    on_diverge: String,
+    max_contacts: usize,
+}
+
+impl Choice {
+    fn options(&self) -> Options {
+        Options {
+            precision: if self.precision == "f32" { Precision::F32 } else { Precision::F64 },
+            backend: match &*self.backend {
+                "scalar" => Backend::Scalar,
+                "wide" => Backend::Wide,
+                _ => Backend::Auto,
+            },
+            threads: self.threads,
+            on_diverge: match &*self.on_diverge {
+                "reset" => OnDiverge::Reset { key: None },
+                "raise" => OnDiverge::Error,
+                _ => OnDiverge::Freeze,
+            },
+            max_contacts: self.max_contacts,
+        }
+    }
+}
+
+/// A batch.
+#[pyclass(frozen, module = "lanesim._lanesim")]
+pub struct Worlds {
+    state: Mutex<State>,
+    /// The thread that is using the batch: it may not wait for itself.
+    user: Mutex<Option<ThreadId>>,
+}
+
+struct State {
+    worlds: lanesim::Worlds,
+    /// Seconds per world and step, as last measured.
+    pace: Option<f64>,
+}
+
+/// The batch while this thread has it.
+struct Use<'a> {
+    state: MutexGuard<'a, State>,
+    user: &'a Mutex<Option<ThreadId>>,
+}
+
+impl Drop for Use<'_> {
+    fn drop(&mut self) {
+        *self.user.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+impl Worlds {
+    /// Waits for other threads to be done with the batch.
+    fn acquire(&self, py: Python<'_>) -> PyResult<Use<'_>> {
+        let me = Some(thread::current().id());
+        if *self.user.lock().unwrap_or_else(PoisonError::into_inner) == me {
+            let text = "these worlds are being stepped: a progress callback cannot use them";
+            return Err(failure::new(py, "LanesimError", (text,)));
+        }
+        let state = self.state.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
+        *self.user.lock().unwrap_or_else(PoisonError::into_inner) = me;
+        Ok(Use { state, user: &self.user })
+    }
+}
+
+fn field(py: Python<'_>, name: &str) -> PyResult<Field> {
+    let found = Field::ALL.iter().find(|(_, known)| *known == name).map(|(field, _)| *field);
+    found.ok_or_else(|| raise(py, Error::Unknown(format!("there is no field {name}"))))
+}
+
+/// What a list of worlds is padded to, the numbers, and whether they are integers.
+type Padded<'py> = (usize, Bound<'py, PyAny>);
+
+#[pymethods]
+impl Worlds {
+    #[new]
+    #[pyo3(signature = (model, nworld, choice, pool=None))]
+    fn new(py: Python<'_>, model: &Model, nworld: usize, choice: Choice, pool: Option<&Pool>) -> PyResult<Self> {
+        let options = choice.options();
+        let pool = pool.map(|pool| pool.0.clone());
+        let worlds = py.detach(|| match pool {
+            Some(pool) => lanesim::Worlds::with_pool(&model.model, nworld, &options, pool),
+            None => lanesim::Worlds::new(&model.model, nworld, &options),
+        });
+        let worlds = worlds.map_err(|e| raise(py, e))?;
+        Ok(Worlds { state: Mutex::new(State { worlds, pace: None }), user: Mutex::new(None) })
+    }
+
+    /// (threads, worlds per block, lane type, bytes per world, bytes of scratch per thread)
+    fn engine(&self, py: Python<'_>) -> PyResult<(usize, usize, &'static str, usize, usize)> {
+        let worlds = &self.acquire(py)?.state.worlds;
+        let ((lanes, name), (world, scratch)) = (worlds.lanes(), worlds.memory());
+        Ok((worlds.threads(), lanes, name, world, scratch))
+    }
+
+    /// Sets a field of the worlds where `mask` is true. `place`: (offset, stride), world `w`'s row begins at
+    /// `offset + w * stride` of `values`. `checked`: its numbers must be finite; name and shape for the message.
+    #[pyo3(signature = (name, values, place, mask, checked))]
+    fn write(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        values: Numbers<'_>,
+        place: (usize, usize),
+        mask: Option<PyReadonlyArray1<'_, bool>>,
+        checked: Option<(String, Vec<usize>)>,
+    ) -> PyResult<()> {
+        let field = field(py, name)?;
+        let rows = Strided { values: values.values()?, offset: place.0, stride: place.1 };
+        let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
+        let mut held = self.acquire(py)?;
+        let worlds = &mut held.state.worlds;
+        let result = py.detach(|| {
+            if let Some((name, shape)) = checked {
+                rows.values.check_finite(&name, &shape)?;
+            }
+            worlds.write_all(field, &rows, mask)
+        });
+        result.map_err(|e| raise(py, e))
+    }
+
+    /// Computes outputs of the present states. Those with a target are written to it; the others, of which every world
+    /// has another number, are returned: the longest length, and all worlds' numbers, padded with zeros.
+    fn read<'py>(
+        &self,
+        py: Python<'py>,
+        names: Vec<String>,
+        mut targets: Vec<Option<Target<'py>>>,
+    ) -> PyResult<Vec<Option<Padded<'py>>>> {
+        let mut held = self.acquire(py)?;
+        let worlds = &mut held.state.worlds;
+        let nworld = worlds.nworld();
+        let mut lists: Vec<Vec<Vec<f64>>> =
+            targets.iter().map(|t| vec![Vec::new(); if t.is_none() { nworld } else { 0 }]).collect();
+        let rows = targets.iter_mut().zip(&mut lists).map(|(target, list)| match target {
+            Some(target) => target.rows(),
+            None => Ok(Rows::Lists(list)),
+        });
+        let rows = rows.collect::<PyResult<Vec<_>>>()?;
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        py.detach(|| worlds.read_all(&names, rows)).map_err(|e| raise(py, e))?;
+        let padded = targets.iter().zip(lists).zip(names).map(|((target, list), name)| {
+            if target.is_some() {
+                return Ok(None);
+            }
+            let integer = Output::named(name).is_ok_and(|output| output.is_integer());
+            Ok(Some(pad(py, list, integer)))
+        });
+        padded.collect()
+    }
+
+    /// Takes all worlds through `nstep` steps. `controls`: the array and its strides from world to world and from step
+    /// to step. `progress` is called with the number of world steps done.
+    #[pyo3(signature = (nstep, controls, names, targets, progress))]
+    fn run(
+        &self,
+        py: Python<'_>,
+        nstep: usize,
+        controls: Option<(Numbers<'_>, usize, usize)>,
+        names: Vec<String>,
+        mut targets: Vec<Target<'_>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>();
+        let outputs = outputs.map_err(|e| raise(py, e))?;
+        let rows = targets.iter_mut().map(Target::rows).collect::<PyResult<Vec<_>>>()?;
+        let controls = match &controls {
+            Some((values, world, step)) => Controls::Strided { values: values.values()?, world: *world, step: *step },
+            None => Controls::Keep,
+        };
+        self.go(py, nstep, controls, &outputs, rows, progress)
+    }
+
+    /// The same with controls drawn uniformly from their ranges at every step.
+    fn run_noise(&self, py: Python<'_>, nstep: usize, seed: u64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+        self.go(py, nstep, Controls::Noise { seed }, &[], Vec::new(), progress)
+    }
+
+    /// Resets the worlds where `mask` is true to a keyframe or to the reference configuration.
+    #[pyo3(signature = (mask, key))]
+    fn reset(&self, py: Python<'_>, mask: Option<PyReadonlyArray1<'_, bool>>, key: Option<usize>) -> PyResult<()> {
+        let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
+        let mut held = self.acquire(py)?;
+        let worlds = &mut held.state.worlds;
+        let result = py.detach(|| worlds.reset_all(mask, key));
+        result.map_err(|e| raise(py, e))
+    }
+
+    fn statuses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<u32>>> {
+        let worlds = &self.acquire(py)?.state.worlds;
+        let bits = (0..worlds.nworld()).map(|w| worlds.status(w).map(|status| status.0));
+        Ok(bits.collect::<Result<Vec<u32>, _>>().map_err(|e| raise(py, e))?.into_pyarray(py))
+    }
+
+    /// When and where each bit of a world's status was first set: (bit, step, place).
+    fn status_detail(&self, py: Python<'_>, world: usize) -> PyResult<Vec<(u32, u64, String)>> {
+        let events = self.acquire(py)?.state.worlds.status_detail(world).map_err(|e| raise(py, e))?;
+        Ok(events.into_iter().map(|event| (event.status.0, event.step, event.place)).collect())
+    }
+
+    fn set_statuses(&self, py: Python<'_>, bits: PyReadonlyArray1<'_, u32>) -> PyResult<()> {
+        let bits = bits.as_slice()?;
+        let worlds = &mut self.acquire(py)?.state.worlds;
+        let mut set = bits.iter().enumerate();
+        set.try_for_each(|(w, bits)| worlds.set_status(w, Status(*bits))).map_err(|e| raise(py, e))
+    }
+
+    fn state_hash(&self, py: Python<'_>) -> PyResult<u64> {
+        Ok(self.acquire(py)?.state.worlds.state_hash())
+    }
+}
+
+impl Worlds {
+    fn go(
+        &self,
+        py: Python<'_>,
+        nstep: usize,
+        controls: Controls<'_>,
+        outputs: &[Output],
+        rows: Vec<Rows<'_>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let (cancel, done) = (AtomicBool::new(false), AtomicU64::new(0));
+        let mut held = self.acquire(py)?;
+        let State { worlds, pace } = &mut *held.state;
+        let amount = worlds.nworld() as f64 * nstep as f64;
+        let short = pace.is_some_and(|pace| pace * amount < SHORT_SECONDS);
+        let start = Instant::now();
+        let work = || {
+            let (cancel, progress) = (Some(&cancel), Some(&done));
+            let rollout = Rollout { nstep, controls, outputs, progress, cancel, ..Rollout::default() };
+            worlds.rollout_into(&rollout, rows)
+        };
+        let result = if short {
+            py.detach(work)
+        } else {
+            let poll = |py: Python<'_>| match &progress {
+                Some(callback) => callback.call1(py, (done.load(Ordering::Relaxed),)).map(drop),
+                None => Ok(()),
+            };
+            watched(py, &cancel, poll, work)?
+        };
+        result.map_err(|e| raise(py, e))?;
+        if amount > 0.0 {
+            *pace = Some(start.elapsed().as_secs_f64() / amount);
+        }
+        Ok(())
+    }
+}
+
+/// Rows of different lengths as one array.
+fn pad(py: Python<'_>, rows: Vec<Vec<f64>>, integer: bool) -> Padded<'_> {
+    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let mut out = Vec::with_capacity(longest * rows.len());
+    for row in &rows {
+        out.extend_from_slice(row);
+        out.resize(out.len() + longest - row.len(), 0.0);
+    }
+    let array = match integer {
+        true => out.into_iter().map(|x| x as i32).collect::<Vec<_>>().into_pyarray(py).into_any(),
+        false => out.into_pyarray(py).into_any(),
+    };
+    (longest, array)
+}

@@ -1,0 +1,169 @@
+"""Threads, interruptions, callbacks, memory."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import lanesim
+import numpy as np
+import pytest
+
+
+def test_worlds_in_several_threads(ant) -> None:
+    def run(seed: int) -> int:
+        worlds = lanesim.Worlds(ant, 64, threads=1 + seed % 2)
+        worlds.ctrl = np.random.default_rng(seed).uniform(-1, 1, (64, ant.nu))
+        for _ in range(20):
+            worlds.step(5)
+        return worlds.state_hash()
+
+    alone = [run(seed) for seed in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(run, range(4))) == alone
+
+
+def test_one_batch_in_several_threads(ant) -> None:
+    worlds = lanesim.Worlds(ant, 64)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: (worlds.step(5), worlds.get("xpos"), worlds.status), range(24)))
+    np.testing.assert_allclose(worlds.time, 24 * 5 * ant.opt.timestep)
+
+
+def test_one_pool_in_several_threads(ant) -> None:
+    start = np.concatenate([[0.0], ant.qpos0, np.zeros(ant.nv)])
+    with lanesim.Rollout() as pool, ThreadPoolExecutor(3) as threads:
+        results = list(threads.map(lambda n: pool.rollout(ant, start, nstep=n)[0], [5, 9, 5, 9]))
+    np.testing.assert_array_equal(results[0], results[2])
+    np.testing.assert_array_equal(results[1][:, :5], results[0])
+
+
+def test_the_interpreter_is_free_while_stepping(humanoid) -> None:
+    worlds = lanesim.Worlds(humanoid, 2048, threads=1)
+    done = threading.Event()
+
+    def run() -> None:
+        worlds.step(100)
+        done.set()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    ticks = 0
+    while not done.wait(0.005):
+        ticks += 1
+    thread.join()
+    assert ticks > 10
+
+
+def test_progress_is_followed(humanoid) -> None:
+    worlds = lanesim.Worlds(humanoid, 2048)
+    seen: list[tuple[int, int]] = []
+    worlds.step(100, progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (204_800, 204_800)
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen) and len(seen) > 2
+    worlds.step(1, progress=True)
+
+
+def test_an_exception_in_a_callback_stops_the_run(humanoid) -> None:
+    worlds = lanesim.Worlds(humanoid, 2048)
+
+    def fail(done: int, total: int) -> None:
+        raise KeyError("enough")
+
+    start = time.perf_counter()
+    with pytest.raises(KeyError, match="enough"):
+        worlds.step(100_000, progress=fail)
+    assert time.perf_counter() - start < 30
+    # The worlds are whole, if not all at the same time.
+    steps = np.round(worlds.time / humanoid.opt.timestep)
+    assert (steps < 100_000).all() and np.isfinite(worlds.qpos).all()
+    worlds.reset()
+    worlds.step(2)
+    np.testing.assert_allclose(worlds.time, 2 * humanoid.opt.timestep)
+
+
+def test_a_callback_cannot_use_its_own_worlds(humanoid) -> None:
+    worlds = lanesim.Worlds(humanoid, 2048)
+    with pytest.raises(lanesim.LanesimError, match="a progress callback cannot use them"):
+        worlds.step(1000, progress=lambda done, total: worlds.qpos)
+    assert worlds.qpos.shape == (2048, humanoid.nq)
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+import lanesim, numpy as np
+
+model = lanesim.Model.from_xml_path(sys.argv[1])
+start = np.concatenate([[0.0], model.qpos0, np.zeros(model.nv)])
+threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+before = time.perf_counter()
+try:
+    if sys.argv[2] == "step":
+        lanesim.Worlds(model, 512).step(10_000_000)
+    else:
+        lanesim.rollout(model, np.tile(start, (16, 1)), nstep=1_000_000)
+except KeyboardInterrupt:
+    print("stopped after", time.perf_counter() - before)
+"""
+
+
+@pytest.mark.parametrize("what", ["step", "rollout"])
+def test_ctrl_c_stops_a_long_run(what) -> None:
+    model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "ant.xml"
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, str(model), what], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0 and done.stdout.startswith("stopped after"), done.stderr
+    assert float(done.stdout.split()[-1]) < 20
+
+
+LEAK = """
+import gc, resource, sys
+import lanesim, numpy as np
+
+def cycle():
+    model = lanesim.Model.from_xml_path(sys.argv[1])
+    worlds = lanesim.Worlds(model, 2048, threads=2)
+    worlds.xfrc_applied = np.zeros((2048, model.nbody, 6))
+    worlds.step(2)
+    worlds.get(["xpos", "qM", "contact_dist"])
+    worlds.load_state(worlds.save_state())
+    start = np.concatenate([[0.0], model.qpos0, np.zeros(model.nv)])
+    lanesim.rollout(model, np.tile(start, (512, 1)), nstep=5, outputs=["xpos"])
+    for bad in (np.nan, "x"):
+        try:
+            worlds.ctrl = np.full((2048, model.nu), bad)
+        except lanesim.InputError:
+            pass
+    try:
+        lanesim.Model.from_xml_string("<mujoco><worldbody><geom/></worldbody></mujoco>")
+    except lanesim.ModelError:
+        pass
+
+def resident():
+    gc.collect()
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * resource.getpagesize()
+
+for _ in range(5):
+    cycle()
+before = resident()
+for _ in range(30):
+    cycle()
+print(resident() - before)
+"""
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident size is read from /proc")
+def test_nothing_leaks() -> None:
+    model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "ant.xml"
+    done = subprocess.run([sys.executable, "-c", LEAK, str(model)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    # One cycle keeps more than 10 MB while it lasts: 30 of them leaking a tenth of that would show.
+    assert int(done.stdout) < 15_000_000, done.stdout

@@ -1,0 +1,165 @@
+//! Where worlds are kept between runs: all states in one allocation, one block's after the other's, with nothing between.
+
+use std::ops::Range;
+
+use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::model::{Model, Sizes};
+use lanesim_kernels::state::{Applied, BlockStatus, Status, state_len};
+
+use crate::block::Block;
+use crate::error::Error;
+use crate::memory;
+use crate::status::First;
+use crate::worlds::Field;
+
+/// All blocks of a batch.
+pub(crate) struct Store<L> {
+    /// States; a block's fields in the order of their declaration.
+    states: Vec<L>,
+    /// Everything else.
+    pub kept: Vec<Kept<L>>,
+    /// Lanes of a block's state.
+    len: usize,
+}
+
+/// What is kept of a block beside its state.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Kept<L> {
+    pub status: BlockStatus,
+    pub applied: Option<Box<Applied<L>>>,
+    pub firsts: Vec<First>,
+}
+
+impl<L: LaneQuery> Store<L> {
+    /// `nworld` worlds in the reference configuration, at rest.
+    pub fn new(model: &Model<L::Real>, nworld: usize) -> Result<Self, Error> {
+        let (count, len) = (nworld.div_ceil(L::WIDTH), state_len::<L>(&model.sizes));
+        let bytes = Self::block_bytes(&model.sizes);
+        memory::ask("the worlds", &[count, bytes])?;
+        let refused = |_| Error::Memory { what: "the worlds", bytes: count.checked_mul(bytes) };
+        let (mut states, mut kept) = (Vec::new(), Vec::new());
+        states.try_reserve_exact(count * len).map_err(refused)?;
+        kept.try_reserve_exact(count).map_err(refused)?;
+        let mut first = Block::new(model);
+        for b in 0..count {
+            first.state.for_each(&mut |field| states.extend_from_slice(field.data));
+            let worlds = L::WIDTH.min(nworld - b * L::WIDTH);
+            let status = BlockStatus { alive: ((1_u64 << worlds) - 1) as u32, ..BlockStatus::default() };
+            kept.push(Kept { status, applied: None, firsts: Vec::new() });
+        }
+        Ok(Store { states, kept, len })
+    }
+
+    /// Bytes of a block without forces from outside.
+    pub fn block_bytes(sizes: &Sizes) -> usize {
+        state_len::<L>(sizes) * size_of::<L>() + size_of::<Kept<L>>()
+    }
+
+    /// Every block: its state, and what else is kept of it.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (&mut [L], &mut Kept<L>)> {
+        self.states.chunks_exact_mut(self.len).zip(&mut self.kept)
+    }
+
+    /// Where a block's state is.
+    fn place(&self, block: usize) -> Range<usize> {
+        block * self.len..(block + 1) * self.len
+    }
+
+    /// Where a field of a block's state is; `None` for forces from outside.
+    fn entries(&self, field: Field, sizes: &Sizes, block: usize) -> Option<Range<usize>> {
+        let mut start = self.place(block).start;
+        let fields = [
+            (Field::Time, 1),
+            (Field::Qpos, sizes.nq),
+            (Field::Qvel, sizes.nv),
+            (Field::Act, sizes.na),
+            (Field::Ctrl, sizes.nu),
+            (Field::QaccWarmstart, sizes.nv),
+        ];
+        for (known, n) in fields {
+            if known == field {
+                return Some(start..start + n);
+            }
+            start += n;
+        }
+        None
+    }
+
+    /// Sets a field of one world.
+    pub fn set(&mut self, field: Field, sizes: &Sizes, world: usize, values: &[f64]) {
+        let (block, lane) = (world / L::WIDTH, world % L::WIDTH);
+        let entries = match self.entries(field, sizes, block) {
+            Some(range) => &mut self.states[range],
+            None => {
+                let applied = self.kept[block].applied.get_or_insert_with(|| Box::new(Applied::new(sizes)));
+                match field {
+                    Field::QfrcApplied => &mut applied.qfrc_applied,
+                    _ => applied.xfrc_applied.as_flattened_mut(),
+                }
+            }
+        };
+        for (entry, x) in entries.iter_mut().zip(values) {
+            entry.set(lane, L::Real::from_f64(*x));
+        }
+    }
+
+    /// A field of one world.
+    pub fn get(&self, field: Field, sizes: &Sizes, world: usize) -> Vec<f64> {
+        let (block, lane) = (world / L::WIDTH, world % L::WIDTH);
+        let entries = match (self.entries(field, sizes, block), &self.kept[block].applied) {
+            (Some(range), _) => &self.states[range],
+            (None, Some(applied)) if field == Field::QfrcApplied => &applied.qfrc_applied,
+            (None, Some(applied)) => applied.xfrc_applied.as_flattened(),
+            (None, None) if field == Field::QfrcApplied => return vec![0.0; sizes.nv],
+            (None, None) => return vec![0.0; 6 * sizes.nbody],
+        };
+        entries.iter().map(|x| x.get(lane).to_f64()).collect()
+    }
+
+    /// Status of one world.
+    pub fn status(&self, world: usize) -> Status {
+        self.kept[world / L::WIDTH].status.lane(world % L::WIDTH)
+    }
+
+    /// Takes one world's block to `scratch`, lets `work` change it there, and puts it back.
+    pub fn change(&mut self, world: usize, scratch: &mut Block<L>, work: impl FnOnce(&mut Block<L>, usize)) {
+        let (block, place) = (world / L::WIDTH, self.place(world / L::WIDTH));
+        scratch.load(&self.states[place.clone()], &mut self.kept[block]);
+        work(scratch, world % L::WIDTH);
+        scratch.store(&mut self.states[place], &mut self.kept[block]);
+    }
+
+    /// Positions and velocities of one world.
+    pub fn configuration(&self, sizes: &Sizes, world: usize) -> impl Iterator<Item = L::Real> + '_ {
+        let start = self.place(world / L::WIDTH).start + 1;
+        self.states[start..start + sizes.nq + sizes.nv].iter().map(move |x| x.get(world % L::WIDTH))
+    }
+}
+
+impl<L: LaneQuery> Block<L> {
+    /// Takes over a block that was kept.
+    pub fn load(&mut self, states: &[L], kept: &mut Kept<L>) {
+        let mut rest = states;
+        self.state.for_each(&mut |field| {
+            let (mine, others) = rest.split_at(field.data.len());
+            field.data.copy_from_slice(mine);
+            rest = others;
+        });
+        self.status = kept.status;
+        self.applied = kept.applied.take();
+        self.firsts = std::mem::take(&mut kept.firsts);
+    }
+
+    /// Puts it back.
+    pub fn store(&mut self, states: &mut [L], kept: &mut Kept<L>) {
+        let mut rest = states;
+        self.state.for_each(&mut |field| {
+            let (mine, others) = std::mem::take(&mut rest).split_at_mut(field.data.len());
+            mine.copy_from_slice(field.data);
+            rest = others;
+        });
+        kept.status = self.status;
+        kept.applied = self.applied.take();
+        kept.firsts = std::mem::take(&mut self.firsts);
+    }
+}
