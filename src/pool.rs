@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::error::Error;
 
-/// A pool of worker threads, pinned to processors where the system allows it.
+/// A pool of worker threads, pinned if there is one for every processor and the system allows it.
 #[derive(Debug)]
 pub struct Pool {
     pool: rayon::ThreadPool,
@@ -19,8 +19,9 @@ impl Pool {
             return Err(Error::Options("threads must be at least 1".into()));
         }
         let cores = core_affinity::get_core_ids().unwrap_or_default();
-        // More workers than processors are left to the scheduler: pinning would stack them.
-        let pin = threads <= cores.len();
+        // Only a pool that takes every processor pins. Fewer workers would crowd the first processors when several
+        // processes or pools run side by side, and more would stack.
+        let pin = threads == cores.len();
         let next = AtomicUsize::new(0);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)

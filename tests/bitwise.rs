@@ -103,6 +103,35 @@ fn long_runs(name: &str, precision: Precision, contacts: f64) {
     assert_same(&format!("{name} {precision:?} on two threads"), &all, &got, &alone);
 }
 
+/// A thousand worlds for as long as the long runs and under the same controls: the states at the end.
+fn a_thousand(name: &str, precision: Precision) {
+    const PART: usize = 50;
+    let model = load(name);
+    let nu = model.tables().sizes.nu;
+    let advance = |worlds: &mut Worlds, ids: &[usize]| {
+        for part in (0..LONG).step_by(PART) {
+            let row = |id: &usize| (0..PART * nu).map(|i| control(&model, *id, part + i / nu, i % nu)).collect();
+            let rows: Vec<Vec<f64>> = (0..DIFFERENT).map(|id| row(&id)).collect();
+            let controls: Vec<f64> = ids.iter().flat_map(|id| rows[*id].iter().copied()).collect();
+            let rollout = Rollout { nstep: PART, controls: Controls::Given(&controls), ..Rollout::default() };
+            worlds.rollout(&rollout).expect("a rollout");
+        }
+        let of = |field| worlds.get_all(field);
+        [Field::Qpos, Field::Qvel, Field::QaccWarmstart].map(|field| bits(&of(field)))
+    };
+    let all: Vec<usize> = (0..DIFFERENT).collect();
+    let many: Vec<usize> = (0..1000).map(|world| world * 5 % DIFFERENT).collect();
+    let alone = advance(&mut batch(&model, &all, &options(precision, Backend::Scalar, 1)), &all);
+    let got = advance(&mut batch(&model, &many, &options(precision, Backend::Wide, 2)), &many);
+    for (got, alone) in got.iter().zip(&alone) {
+        let width = alone.len() / DIFFERENT;
+        for (world, id) in many.iter().enumerate() {
+            let (a, b) = (&got[world * width..(world + 1) * width], &alone[id * width..(id + 1) * width]);
+            assert!(a == b, "{name} {precision:?}: world {world} of a thousand (id {id}) has other bits");
+        }
+    }
+}
+
 /// A thousand worlds, and every world at every place of a block.
 fn arrangements(name: &str, precision: Precision) {
     let model = load(name);
@@ -129,6 +158,10 @@ macro_rules! models {
             #[test]
             fn long_runs_f32() {
                 long_runs($name, Precision::F32, $contacts);
+            }
+            #[test]
+            fn a_thousand_worlds() {
+                PRECISIONS.into_iter().for_each(|precision| a_thousand($name, precision));
             }
             #[test]
             fn every_place() {

@@ -348,7 +348,10 @@ fn dof_axes_are_derivatives_of_poses() {
                 let shift: Vec<f64> = (0..3).map(|k| (at(&plus, k) - at(&minus, k)) / (2.0 * STEP)).collect();
                 let turn: Vec<f64> = (0..9).map(|k| (plus.rot[l][k] - minus.rot[l][k]) / (2.0 * STEP)).collect();
                 let s = if moves { now.cdof[dof] } else { [0.0; 6] };
-                let expected_shift = spatial::point_velocity(&s, &now.pos[l]);
+                // v + ω × position.
+                let p = &now.pos[l];
+                let turned = |k: usize| s[(k + 1) % 3] * p[(k + 2) % 3] - s[(k + 2) % 3] * p[(k + 1) % 3];
+                let expected_shift: Vec<f64> = (0..3).map(|k| s[3 + k] + turned(k)).collect();
                 let r = &now.rot[l];
                 // ω × each column.
                 let expected_turn: Vec<f64> = (0..9)

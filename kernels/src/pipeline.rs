@@ -82,7 +82,7 @@ pub fn forward<L: LaneQuery>(
     if runs(Stage::Acceleration) {
         let Workspace { position, velocity, passive, actuation, acceleration, .. } = ws;
         acceleration::smooth_force(model, position, velocity, passive, actuation, run.applied, acceleration);
-        let singular = acceleration::smooth_acceleration(model, &ws.inertia, acceleration);
+        let singular = acceleration::smooth_acceleration(model, position, &ws.inertia, acceleration);
         status.record(Status::SINGULAR_INERTIA, L::bits(singular & alive));
         end(Stage::Acceleration);
     }

@@ -184,6 +184,11 @@ fn check_options(o: &Options, diagnostics: &mut Diagnostics) {
             option.refuse(format!("{name} {x}: fluid forces are not supported yet"), format!("remove {name}"));
         }
     }
+    for (name, on) in [("diagexact", o.flags.diagexact), ("sleep", o.flags.sleep)] {
+        if on {
+            option.refuse(format!("the flag {name} is not supported yet"), format!("remove {name}"));
+        }
+    }
     if !(o.impratio > 0.0 && o.impratio.is_finite()) {
         option.refuse(format!("impratio is {}", o.impratio), "give a positive number");
     }

@@ -110,7 +110,6 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         potential_still: links.potential_still(&scene, gravity),
         gravity,
         bodies: links.bodies(&scene),
-        tree_root: links.tree_root.clone(),
         links: links.links.clone(),
     };
     let tables = kernel::Model { tree_pattern: rows::tree_pattern(&tables.dofs), ..tables };

@@ -112,7 +112,6 @@ pub(crate) fn pairs(
             impedance: impedance(&spec.option, contact.solref, contact.solimp),
             friction_b: impedance(&spec.option, contact.solreffriction, contact.solimp).b,
             invweight: w1[0] + w2[0],
-            invweight_rot: w1[1] + w2[1],
         });
         out.nslot += slots;
     }

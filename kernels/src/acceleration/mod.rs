@@ -3,9 +3,10 @@
 use crate::actuation::Actuation;
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::Lane;
+use crate::lane::{Lane, Real};
 use crate::math::ldl;
-use crate::math::spatial::{dot6, join};
+use crate::math::spatial::{dot6, inertia_mul, join};
+use crate::math::tree;
 use crate::math::vec3::{add, cross, mul_add, splat};
 use crate::model::{Model, NONE};
 use crate::passive::Passive;
@@ -24,6 +25,10 @@ fields! {
         pub inverse: Vec<L> = sizes.nv,
         /// Scratch of the factorisation.
         pub multipliers: Vec<L> = sizes.nv,
+        /// Scratch of the refinement: what M a₀ leaves of the smooth force.
+        pub residual: Vec<L> = sizes.nv,
+        /// Scratch of the refinement: per link, its acceleration, then the force for it.
+        pub twist: Vec<[L; 6]> = sizes.nlink,
         /// Acceleration without constraints.
         pub qacc_smooth: Vec<L> = sizes.nv,
     } L
@@ -67,24 +72,54 @@ fn body_forces<L: Lane>(model: &Model<L::Real>, position: &Position<L>, xfrc: &[
         let at = mul_add(&position.rot[l], &splat(&body.com), &position.pos[l]);
         let (push, torque) = ([x[0], x[1], x[2]], [x[3], x[4], x[5]]);
         let wrench = join(&add(&torque, &cross(&at, &push)), &push);
-        let mut i = model.links[l].dofs.range().end as u32 - 1;
-        while i != NONE {
-            force[i as usize] += dot6(&position.cdof[i as usize], &wrench);
-            i = model.dofs[i as usize].parent;
-        }
+        tree::push(model, &position.cdof, l, &wrench, force);
     }
 }
 
 /// Factors M and solves for the smooth acceleration. Returns the lanes in which M was singular.
 pub fn smooth_acceleration<L: Lane>(
     model: &Model<L::Real>,
+    position: &Position<L>,
     inertia: &Inertia<L>,
     acceleration: &mut Acceleration<L>,
 ) -> L::Mask {
-    let Acceleration { qfrc_smooth, factor, inverse, multipliers, qacc_smooth } = acceleration;
+    let Acceleration { qfrc_smooth, factor, inverse, multipliers, qacc_smooth, .. } = acceleration;
     factor.copy_from_slice(&inertia.m);
     let singular = ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
     qacc_smooth.copy_from_slice(qfrc_smooth);
     ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, qacc_smooth);
+    if L::Real::EPSILON > 1e-10 {
+        refine(model, position, inertia, acceleration);
+    }
     singular
+}
+
+/// One step of iterative refinement, for single precision. M a₀ is formed link by link, with the armature on its own: a
+/// small armature on a large inertia, which the diagonal of M has rounded away, still counts.
+fn refine<L: Lane>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    inertia: &Inertia<L>,
+    acceleration: &mut Acceleration<L>,
+) {
+    let Acceleration { qfrc_smooth, factor, inverse, qacc_smooth, residual, twist, .. } = acceleration;
+    tree::twists(model, &position.cdof, qacc_smooth, twist);
+    for (force, own) in twist.iter_mut().zip(&inertia.link) {
+        *force = inertia_mul(own, force);
+    }
+    for (l, link) in model.links.iter().enumerate().rev() {
+        let force = twist[l];
+        for i in link.dofs.range() {
+            let armature = L::splat(model.dofs[i].armature);
+            residual[i] = armature.neg_mul_add(qacc_smooth[i], qfrc_smooth[i]) - dot6(&position.cdof[i], &force);
+        }
+        if link.parent != NONE {
+            let parent = &mut twist[link.parent as usize];
+            *parent = add(parent, &force);
+        }
+    }
+    ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, residual);
+    for (a, change) in qacc_smooth.iter_mut().zip(residual.iter()) {
+        *a += *change;
+    }
 }

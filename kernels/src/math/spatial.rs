@@ -62,9 +62,3 @@ pub fn cross_force<L: Lane>(v: &Spatial<L>, f: &Spatial<L>) -> Spatial<L> {
     let (w, u, t, g) = (rot(v), lin(v), rot(f), lin(f));
     join(&cross_add(&u, &g, &cross(&w, &t)), &cross(&w, &g))
 }
-
-/// Velocity of the point `p` of a body that moves with `m`.
-#[inline(always)]
-pub fn point_velocity<L: Lane>(m: &Spatial<L>, p: &Vec3<L>) -> Vec3<L> {
-    cross_add(&rot(m), p, &lin(m))
-}

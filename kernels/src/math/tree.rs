@@ -3,6 +3,7 @@
 //! spelled out.
 
 use super::spatial::{Spatial, dot6};
+use super::vec3::{scale_add, zero};
 use crate::lane::Lane;
 use crate::model::{DofKind, Model, NONE};
 
@@ -21,6 +22,28 @@ pub fn project<L: Lane>(model: &Model<L::Real>, cdof: &[Spatial<L>], i: usize, f
 #[inline(always)]
 fn rotation<L: Lane>(s: &Spatial<L>, force: &Spatial<L>) -> L {
     s[2].mul_add(force[2], s[1].mul_add(force[1], s[0] * force[0]))
+}
+
+/// Motion of every link whose dofs move with `x`.
+#[inline(always)]
+pub fn twists<L: Lane>(model: &Model<L::Real>, cdof: &[Spatial<L>], x: &[L], out: &mut [Spatial<L>]) {
+    for (l, link) in model.links.iter().enumerate() {
+        let mut motion = if link.parent == NONE { zero() } else { out[link.parent as usize] };
+        for i in link.dofs.range() {
+            motion = scale_add(x[i], &cdof[i], &motion);
+        }
+        out[l] = motion;
+    }
+}
+
+/// Adds the generalised force of a force on link `l`.
+#[inline(always)]
+pub fn push<L: Lane>(model: &Model<L::Real>, cdof: &[Spatial<L>], l: usize, wrench: &Spatial<L>, force: &mut [L]) {
+    let mut i = model.links[l].dofs.range().end as u32 - 1;
+    while i != NONE {
+        force[i as usize] += dot6(&cdof[i as usize], wrench);
+        i = model.dofs[i as usize].parent;
+    }
 }
 
 /// Calls `f` with the entry in `row` (a row of the skyline, from its first column on) of each ancestor of dof `i`, and

@@ -123,12 +123,6 @@ pub fn mul_add<L: Lane>(m: &Mat3<L>, a: &Vec3<L>, b: &Vec3<L>) -> Vec3<L> {
     build(|i| m[3 * i + 2].mul_add(a[2], m[3 * i + 1].mul_add(a[1], m[3 * i].mul_add(a[0], b[i]))))
 }
 
-/// b - m a
-#[inline(always)]
-pub fn mul_sub<L: Lane>(m: &Mat3<L>, a: &Vec3<L>, b: &Vec3<L>) -> Vec3<L> {
-    build(|i| m[3 * i + 2].neg_mul_add(a[2], m[3 * i + 1].neg_mul_add(a[1], m[3 * i].neg_mul_add(a[0], b[i]))))
-}
-
 /// mᵀ a
 #[inline(always)]
 pub fn mul_t<L: Lane>(m: &Mat3<L>, a: &Vec3<L>) -> Vec3<L> {

@@ -121,8 +121,6 @@ pub struct Model<T> {
     pub joints: Vec<Joint<T>>,
     /// Degrees of freedom.
     pub dofs: Vec<Dof<T>>,
-    /// Trees: the first link of each. Links of a tree need not be consecutive.
-    pub tree_root: Vec<u32>,
     /// Geoms that take part in pairs.
     pub geoms: Vec<Geom<T>>,
     /// Pairs of geoms.
@@ -190,7 +188,6 @@ impl<U: Real> Cast<U> for Model<f64> {
             links: self.links.cast(),
             joints: self.joints.cast(),
             dofs: self.dofs.cast(),
-            tree_root: self.tree_root.clone(),
             geoms: self.geoms.cast(),
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),

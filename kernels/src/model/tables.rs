@@ -247,8 +247,6 @@ table! {
         pub friction_b: T,
         /// Sum of the bodies' translational inverse weights: Â of the normal.
         pub invweight: T,
-        /// Sum of the bodies' rotational inverse weights.
-        pub invweight_rot: T,
     } T
 }
 

@@ -3,9 +3,10 @@
 use crate::fields::fields;
 use crate::lane::Lane;
 use crate::math::quat;
-use crate::math::spatial::{dot6, join};
+use crate::math::spatial::join;
+use crate::math::tree;
 use crate::math::vec3::{build, cross, mul_add, norm, scale, splat};
-use crate::model::{Dof, Joint, JointKind, Model, NONE};
+use crate::model::{Dof, Joint, JointKind, Model};
 use crate::position::Position;
 
 fields! {
@@ -125,10 +126,6 @@ fn gravcomp<L: Lane>(model: &Model<L::Real>, position: &Position<L>, force: &mut
         let lift = scale(-weight, &g);
         let at = mul_add(&position.rot[l], &splat(&link.gravcomp_pos), &position.pos[l]);
         let wrench = join(&cross(&at, &lift), &lift);
-        let mut i = link.dofs.range().end as u32 - 1;
-        while i != NONE {
-            force[i as usize] += dot6(&position.cdof[i as usize], &wrench);
-            i = model.dofs[i as usize].parent;
-        }
+        tree::push(model, &position.cdof, l, &wrench, force);
     }
 }

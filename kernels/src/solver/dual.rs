@@ -9,6 +9,11 @@ use crate::math::spatial::dot6;
 use crate::model::{Model, NONE};
 use crate::options;
 
+/// Whether the model's options need the dual problem.
+pub fn needed<T>(model: &Model<T>) -> bool {
+    model.options.solver == options::Solver::Pgs || model.options.noslip_iterations > 0
+}
+
 /// Whitened rows, and what all forces together do.
 #[derive(Clone, Debug)]
 pub struct Dual<L> {
@@ -26,7 +31,7 @@ pub struct Dual<L> {
 impl<L: Lane> Dual<L> {
     /// Room for all rows if the model's options need the dual problem, else none.
     pub fn new(model: &Model<L::Real>, dof: usize, component: usize) -> Self {
-        let used = model.options.solver == options::Solver::Pgs || model.options.noslip_iterations > 0;
+        let used = needed(model);
         let nv = if used { model.sizes.nv } else { 0 };
         Dual {
             b: Vec::with_capacity(((dof + component) * nv).min(1 << 20)),
@@ -105,12 +110,7 @@ pub fn prepare<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let SolverWork { dual, fields, force, .. } = work;
     dual.bias.fit(constraint);
     rows::apply(problem, &acceleration.qacc_smooth, &mut fields.twist, &mut dual.bias);
-    for (y, row) in dual.bias.dof.iter_mut().zip(&constraint.dof_rows) {
-        *y += row.reference;
-    }
-    for (y, reference) in dual.bias.component.iter_mut().zip(&constraint.reference) {
-        *y += *reference;
-    }
+    rows::add_reference(constraint, &mut dual.bias);
     for (root, inverse) in dual.root.iter_mut().zip(&acceleration.inverse) {
         *root = inverse.sqrt();
     }

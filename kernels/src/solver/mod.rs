@@ -161,7 +161,7 @@ impl<L: LaneQuery> SolverWork<L> {
             force: RowVector::with_capacity(dof, component),
             spare: RowVector::with_capacity(0, 0),
             edges: edges::Edges::with_capacity(dof + 2 * component),
-            edge_force: Vec::new(),
+            edge_force: Vec::with_capacity(if dual::needed(model) { 2 * component } else { 0 }),
             dual: dual::Dual::new(model, dof, component),
             fill: fill::Fill::new(&sizes),
             touched: vec![false; model.sizes.nlink],
@@ -172,8 +172,8 @@ impl<L: LaneQuery> SolverWork<L> {
 
 /// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. `warmstart` is what constraints added to the smooth
 /// acceleration in the last step: with controls that change all the time it says more about this step than the last
-/// acceleration itself. Worlds without active rows keep the smooth
-/// acceleration. Returns the lanes that reached the limit of iterations.
+/// acceleration itself. Worlds without active rows keep the smooth acceleration. Returns the lanes that reached the limit
+/// of iterations.
 pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,
     warmstart: &[L],

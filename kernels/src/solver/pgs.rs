@@ -44,12 +44,7 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
         *warm = *smooth + *change;
     }
     rows::apply(problem, warm, &mut work.fields.twist, &mut work.y);
-    for (y, row) in work.y.dof.iter_mut().zip(&constraint.dof_rows) {
-        *y += row.reference;
-    }
-    for (y, reference) in work.y.component.iter_mut().zip(&constraint.reference) {
-        *y += *reference;
-    }
+    rows::add_reference(constraint, &mut work.y);
     rows::from_y(constraint, &work.y, &mut work.force);
     edge_forces(constraint, work);
     dual::prepare(problem, work);

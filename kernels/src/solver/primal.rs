@@ -2,10 +2,9 @@
 //! along a search direction by an exact line search.
 //!
 //! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
-//! the minimum, so the solver knows that it is done without another gradient.
+//! the minimum, so the solver knows that it is done.
 
 use super::{Problem, Solver, SolverWork, cg, newton, rows};
-use crate::constraint::Constraint;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::ldl;
 use crate::options;
@@ -74,10 +73,10 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
         warm[i] = smooth[i] + warmstart[i];
     }
     rows::apply(problem, smooth, twist, jp);
-    add_reference(constraint, jp);
+    rows::add_reference(constraint, jp);
     let cold = rows::cost(constraint, jp);
     rows::apply(problem, warm, twist, y);
-    add_reference(constraint, y);
+    rows::add_reference(constraint, y);
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warm, ma);
     let mut twice = L::zero();
     for i in 0..ma.len() {
@@ -91,16 +90,6 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
     }
     for (y, cold) in y.dof.iter_mut().zip(&jp.dof).chain(y.component.iter_mut().zip(&jp.component)) {
         *y = L::select(use_warm, *y, *cold);
-    }
-}
-
-/// y = J x becomes J x - a_ref.
-pub(super) fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut super::RowVector<L>) {
-    for (y, row) in y.dof.iter_mut().zip(&constraint.dof_rows) {
-        *y += row.reference;
-    }
-    for (y, reference) in y.component.iter_mut().zip(&constraint.reference) {
-        *y += *reference;
     }
 }
 

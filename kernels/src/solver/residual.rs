@@ -1,6 +1,6 @@
 //! How far an acceleration is from the minimum: the residual of the optimality (KKT) conditions.
 
-use super::{Problem, Solver, SolverWork, active_lanes, primal, rows};
+use super::{Problem, Solver, SolverWork, active_lanes, rows};
 use crate::lane::Lane;
 use crate::math::ldl;
 
@@ -11,7 +11,7 @@ pub fn measure_residual<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork
     let Problem { model, inertia, acceleration, constraint, .. } = problem;
     let Solver { qacc, ma, twist, .. } = &mut work.fields;
     rows::apply(problem, qacc, twist, &mut work.jp);
-    primal::add_reference(constraint, &mut work.jp);
+    rows::add_reference(constraint, &mut work.jp);
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, qacc, ma);
     work.spare.fit(constraint);
     rows::from_y(constraint, &work.jp, &mut work.spare);

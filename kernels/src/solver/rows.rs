@@ -4,6 +4,7 @@ use super::{Problem, RowVector, Solver, SolverWork, cone};
 use crate::constraint::{Constraint, ContactRow, DofRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::spatial::dot6;
+use crate::math::tree;
 use crate::math::vec3::{add, dot, scale_add, zero};
 use crate::model::{Model, NONE};
 
@@ -21,13 +22,7 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
     if constraint.contact_rows.is_empty() {
         return;
     }
-    for (l, link) in model.links.iter().enumerate() {
-        let mut motion = if link.parent == NONE { zero() } else { twist[link.parent as usize] };
-        for i in link.dofs.range() {
-            motion = scale_add(x[i], &position.cdof[i], &motion);
-        }
-        twist[l] = motion;
-    }
+    tree::twists(model, &position.cdof, x, twist);
     for row in &constraint.contact_rows {
         let (first, dim) = (row.component as usize, row.dim as usize);
         let out = &mut out.component[first..first + dim];
@@ -44,6 +39,16 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
                 }
             }
         }
+    }
+}
+
+/// y = J x becomes J x - a_ref.
+pub fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut RowVector<L>) {
+    for (y, row) in y.dof.iter_mut().zip(&constraint.dof_rows) {
+        *y += row.reference;
+    }
+    for (y, reference) in y.component.iter_mut().zip(&constraint.reference) {
+        *y += *reference;
     }
 }
 
