@@ -29,9 +29,8 @@ struct Solver {
 /// Rounding in a system whose condition number, with the stiffness of contacts, reaches 1e6.
 const NEWTON: Solver = Solver { name: "Newton", iterations: "200", tolerance: "1e-14", close: 1e-9, single: 1e-4 };
 const CG: Solver = Solver { name: "CG", iterations: "5000", tolerance: "1e-14", close: 1e-9, single: 1e-4 };
-/// Sweeps converge linearly, and stop when the cost, which is quadratic in the error, does not fall any more: what they reach
-/// is the root of rounding.
-const PGS: Solver = Solver { name: "PGS", iterations: "20000", tolerance: "1e-22", close: 1e-6, single: 5e-4 };
+/// Sweeps converge linearly.
+const PGS: Solver = Solver { name: "PGS", iterations: "20000", tolerance: "1e-22", close: 1e-9, single: 1e-4 };
 
 /// A scene with one cone and dimension, and its states.
 struct Case {

@@ -72,11 +72,8 @@ pub fn forward<L: LaneQuery>(
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {
-        actuation::transmission(model, &state.qpos, &mut ws.actuation);
-        if model.features.actuation {
-            let bad = actuation::actuation(model, &state.ctrl, &state.qvel, &ws.passive, &mut ws.actuation);
-            status.record(Status::BAD_CTRL, L::bits(bad & alive));
-        }
+        let bad = actuation::actuation(model, state, &ws.passive, &mut ws.actuation);
+        status.record(Status::BAD_CTRL, L::bits(bad & alive));
         end(Stage::Actuation);
     }
     if runs(Stage::Acceleration) {

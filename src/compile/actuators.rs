@@ -1,7 +1,7 @@
 //! Actuators and what they add to the joints that they act on.
 
 use glam::DVec3;
-use lanesim_kernels::model::{Actuator, Joint, JointKind, Transmission};
+use lanesim_kernels::model::{Actuator, Joint, JointKind, Span, Transmission};
 
 use super::check::is_limited;
 use super::derived::Derived;
@@ -41,6 +41,8 @@ pub(crate) fn reflected(spec: &Spec, targets: &[usize], njnt: usize) -> Vec<Refl
 /// The actuators' table, and for MuJoCo's arrays the norm of the acceleration that a unit force causes.
 pub(crate) struct Actuators {
     pub table: Vec<Actuator<f64>>,
+    /// Sum of the degrees of freedom of their joints.
+    pub nmoment: usize,
     pub acc0: Vec<f64>,
     pub length0: Vec<f64>,
 }
@@ -53,7 +55,7 @@ pub(crate) fn actuators(
     joints: &[Joint<f64>],
     derived: &Derived,
 ) -> Actuators {
-    let mut out = Actuators { table: Vec::new(), acc0: Vec::new(), length0: Vec::new() };
+    let mut out = Actuators { table: Vec::new(), nmoment: 0, acc0: Vec::new(), length0: Vec::new() };
     let mut moment = vec![0.0; scene.nv];
     for (actuator, &target) in spec.actuators.iter().zip(targets) {
         let joint = &joints[target];
@@ -64,6 +66,8 @@ pub(crate) fn actuators(
             compiled.ctrl_limited = true;
         }
         let row = moment_row(&compiled, joint, derived);
+        compiled.moments = Span { start: out.nmoment as u32, len: row.len() as u32 };
+        out.nmoment += row.len();
         let dof = joint.dof as usize;
         moment[dof..dof + row.len()].copy_from_slice(&row);
         let qacc = derived.accelerations(&moment);
@@ -107,6 +111,7 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: usize, joint: &Joint<
         joint: target as u32,
         qpos: joint.qpos,
         dof: joint.dof,
+        moments: Span::default(),
         gain_affine: gain[1..] != [0.0; 2],
         bias_affine: bias != [0.0; 3],
         ctrl_limited: is_limited(a.ctrlrange, a.ctrllimited),

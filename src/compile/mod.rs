@@ -155,6 +155,7 @@ fn sizes(scene: &Scene, links: &Links, actuators: &Actuators, pairs: &pairs::Pai
         nq: scene.nq,
         nv: scene.nv,
         nu: actuators.table.len(),
+        nmoment: actuators.nmoment,
         na: 0,
         nbody: scene.bodies.len(),
         njnt: scene.joints.len(),

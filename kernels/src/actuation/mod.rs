@@ -4,8 +4,9 @@ use crate::fields::fields;
 use crate::lane::{Lane, Mask, Real};
 use crate::math::quat;
 use crate::math::vec3::{dot, mul, mul_t, splat};
-use crate::model::{Actuator, JointKind, Model, Transmission};
+use crate::model::{Actuator, Model, Transmission};
 use crate::passive::Passive;
+use crate::state::State;
 
 fields! {
     /// Actuators.
@@ -16,78 +17,87 @@ fields! {
         pub velocity: Vec<L> = sizes.nu,
         /// Force.
         pub force: Vec<L> = sizes.nu,
-        /// Moment: generalised force per unit of force on the joint's dofs.
-        pub moment: Vec<[L; 6]> = sizes.nu,
+        /// Moments: generalised force per unit of force on the joints' dofs.
+        pub moment: Vec<L> = sizes.nmoment,
         /// Sum of the actuators' generalised forces.
         pub qfrc_actuator: Vec<L> = sizes.nv,
     } L
 }
 
-/// Lengths and moments, which depend on positions alone.
-pub fn transmission<L: Lane>(model: &Model<L::Real>, qpos: &[L], actuation: &mut Actuation<L>) {
-    for (a, actuator) in model.actuators.iter().enumerate() {
-        let (length, moment) = length_and_moment(actuator, &qpos[actuator.qpos as usize..]);
-        actuation.length[a] = length;
-        actuation.moment[a] = moment;
-    }
-}
-
+/// Sets the moments and returns the length.
 #[inline(always)]
-fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, q: &[L]) -> (L, [L; 6]) {
+fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, q: &[L], moment: &mut [L]) -> L {
     let gear: [L; 6] = splat(&actuator.gear);
-    let (z, turn) = (L::zero(), [gear[0], gear[1], gear[2]]);
-    let spin = [gear[3], gear[4], gear[5]];
+    let turn = [gear[0], gear[1], gear[2]];
     let unit = |at: usize| quat::unit(&[q[at], q[at + 1], q[at + 2], q[at + 3]]);
     match actuator.transmission {
-        Transmission::Scalar => (gear[0] * q[0], [gear[0], z, z, z, z, z]),
-        Transmission::Ball => (dot(&turn, &quat::log(&unit(0))), [turn[0], turn[1], turn[2], z, z, z]),
+        Transmission::Scalar => {
+            moment[0] = gear[0];
+            gear[0] * q[0]
+        }
+        Transmission::Ball => {
+            moment.copy_from_slice(&turn);
+            dot(&turn, &quat::log(&unit(0)))
+        }
         Transmission::BallInParent => {
             let q = unit(0);
             let turn = mul_t(&quat::to_matrix(&q), &turn);
-            (dot(&turn, &quat::log(&q)), [turn[0], turn[1], turn[2], z, z, z])
+            moment.copy_from_slice(&turn);
+            dot(&turn, &quat::log(&q))
         }
-        Transmission::Free => (z, gear),
+        Transmission::Free => {
+            moment.copy_from_slice(&gear);
+            L::zero()
+        }
         Transmission::FreeInParent => {
-            let spin = mul(&quat::to_matrix(&quat::conjugate(&unit(3))), &spin);
-            (z, [gear[0], gear[1], gear[2], spin[0], spin[1], spin[2]])
+            let spin = mul(&quat::to_matrix(&quat::conjugate(&unit(3))), &[gear[3], gear[4], gear[5]]);
+            moment[..3].copy_from_slice(&turn);
+            moment[3..].copy_from_slice(&spin);
+            L::zero()
         }
     }
 }
 
-/// Velocities, forces and generalised forces. Returns the lanes in which a control was not a usable number: all controls
-/// of such a world count as 0.
+/// Lengths and moments, and if actuation is on velocities, forces and generalised forces. Returns the lanes in which a
+/// control was not a usable number: all controls of such a world count as 0.
 pub fn actuation<L: Lane>(
     model: &Model<L::Real>,
-    ctrl: &[L],
-    qvel: &[L],
+    state: &State<L>,
     passive: &Passive<L>,
     actuation: &mut Actuation<L>,
 ) -> L::Mask {
+    let State { qpos, qvel, ctrl, .. } = state;
     let mut good = L::Mask::splat(true);
     for u in ctrl {
         good = good & u.within(L::Real::MAXVAL);
     }
     actuation.qfrc_actuator.fill(L::zero());
     for (a, actuator) in model.actuators.iter().enumerate() {
+        let moment = &mut actuation.moment[actuator.moments.range()];
+        let length = length_and_moment(actuator, &qpos[actuator.qpos as usize..], moment);
+        actuation.length[a] = length;
+        if !model.features.actuation {
+            continue;
+        }
         let dof = actuator.dof as usize;
-        let width = match model.joints[actuator.joint as usize].kind {
-            JointKind::Free => 6,
-            JointKind::Ball => 3,
-            JointKind::Slide | JointKind::Hinge => 1,
-        };
-        let moment = actuation.moment[a];
         let mut velocity = moment[0] * qvel[dof];
-        for k in 1..width {
+        for k in 1..moment.len() {
             velocity = moment[k].mul_add(qvel[dof + k], velocity);
         }
         actuation.velocity[a] = velocity;
-        let u = L::select(good, ctrl[a], L::zero());
-        let force = force(model, actuator, u, actuation.length[a], velocity);
-        actuation.force[a] = force;
-        for k in 0..width {
-            let out = &mut actuation.qfrc_actuator[dof + k];
-            *out = moment[k].mul_add(force, *out);
+        if actuator.disabled {
+            actuation.force[a] = L::zero();
+            continue;
         }
+        let u = L::select(good, ctrl[a], L::zero());
+        let force = force(model, actuator, u, length, velocity);
+        actuation.force[a] = force;
+        for (out, moment) in actuation.qfrc_actuator[dof..].iter_mut().zip(&*moment) {
+            *out = moment.mul_add(force, *out);
+        }
+    }
+    if !model.features.actuation {
+        return L::Mask::splat(false);
     }
     route_to_joints(model, passive, &mut actuation.qfrc_actuator);
     !good
@@ -95,9 +105,6 @@ pub fn actuation<L: Lane>(
 
 #[inline(always)]
 fn force<L: Lane>(model: &Model<L::Real>, actuator: &Actuator<L::Real>, u: L, length: L, velocity: L) -> L {
-    if actuator.disabled {
-        return L::zero();
-    }
     let clamp = |x: L, range: &[L::Real; 2]| x.clamp(L::splat(range[0]), L::splat(range[1]));
     let affine = |p: &[L::Real; 3]| L::splat(p[2]).mul_add(velocity, L::splat(p[1]).mul_add(length, L::splat(p[0])));
     let limited = actuator.ctrl_limited && model.options.flags.clampctrl;

@@ -4,6 +4,7 @@
 //! A block's list is the union of its worlds' contacts; a world without a given contact has it at distance `MAXVAL`.
 
 mod boxes;
+mod broad;
 mod capsule;
 mod capsule_box;
 mod convex;
@@ -16,10 +17,12 @@ pub use convex::ConvexCollider;
 pub use frame::contact_frame;
 pub use single::{Point, Points};
 
+use broad::Broad;
+
 use crate::fields::fields;
 use crate::lane::{Lane, LaneQuery, Mask, Real, Scalar};
-use crate::math::vec3::{Mat3, Vec3, add, column, dot, mul_add, mul_mat, splat, sub, zero};
-use crate::model::{Geom, Model, NONE, Pair, Shape};
+use crate::math::vec3::{Mat3, Vec3, column, dot, mul_add, mul_mat, splat, sub, zero};
+use crate::model::{Model, NONE, Pair, Shape};
 use crate::position::Position;
 
 fields! {
@@ -57,6 +60,8 @@ pub struct Contact<L> {
 pub struct Collision<L> {
     /// Geom poses.
     pub colliders: Colliders<L>,
+    /// Bounding tests.
+    pub broad: Broad<L>,
     /// Geoms whose orientation is that of this step: what stands still, and what some pair needed.
     pub oriented: Vec<bool>,
     /// Origin of each contact, in the order of pairs and points.
@@ -102,6 +107,7 @@ impl<L: LaneQuery> Collision<L> {
         }
         Collision {
             colliders,
+            broad: Broad::new(model),
             oriented: vec![true; model.geoms.len()],
             slots: Vec::with_capacity(model.capacity().contacts),
             contacts: Vec::with_capacity(model.capacity().contacts),
@@ -126,12 +132,26 @@ pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32
 }
 
 /// Centres of the geoms that move. Their orientations wait until a pair needs them; what stands still was placed before.
-fn place<L: Lane>(model: &Model<L::Real>, position: &Position<L>, collision: &mut Collision<L>) {
+/// Returns the largest square of the way of any of them since the last step, and where all ways are numbers.
+fn place<L: Lane>(
+    model: &Model<L::Real>,
+    position: &Position<L>,
+    colliders: &mut Colliders<L>,
+    oriented: &mut [bool],
+) -> (L, L::Mask) {
+    let mut longest = L::zero();
+    let mut known = L::Mask::splat(true);
     for (g, geom) in model.geoms.iter().enumerate().filter(|(_, geom)| geom.link != NONE) {
         let l = geom.link as usize;
-        collision.colliders.pos[g] = mul_add(&position.rot[l], &splat(&geom.pos), &position.pos[l]);
-        collision.oriented[g] = false;
+        let pos = mul_add(&position.rot[l], &splat(&geom.pos), &position.pos[l]);
+        let way = sub(&pos, &colliders.pos[g]);
+        let square = dot(&way, &way);
+        known = known & square.within(L::Real::MAX);
+        longest = longest.max(square);
+        colliders.pos[g] = pos;
+        oriented[g] = false;
     }
+    (longest, known)
 }
 
 /// Orientation of a geom, if it is not known yet.
@@ -160,20 +180,25 @@ pub fn collide<L: LaneQuery>(
     convex: &dyn ConvexCollider,
     collision: &mut Collision<L>,
 ) -> L::Mask {
-    place(model, position, collision);
-    let Collision { colliders, oriented, slots, contacts } = collision;
+    let Collision { colliders, broad, oriented, slots, contacts } = collision;
+    let ways = place(model, position, colliders, oriented);
+    broad.advance(position, ways, alive);
     slots.clear();
     contacts.clear();
     let may_overflow = model.sizes.nslot > capacity;
     let mut count = L::zero();
     let mut overflow = L::Mask::splat(false);
-    for (p, pair) in model.pairs.iter().enumerate() {
-        let geoms = [&model.geoms[pair.geom1 as usize], &model.geoms[pair.geom2 as usize]];
-        let centres = centres(model, position, colliders, pair);
-        let near = near(pair, geoms, colliders, &centres) & alive;
+    for p in 0..model.pairs.len() {
+        if !broad.is_due(p) {
+            continue;
+        }
+        let near = broad.near(p, position, colliders, alive);
         if !L::any(near) {
             continue;
         }
+        let pair = &model.pairs[p];
+        let geoms = [&model.geoms[pair.geom1 as usize], &model.geoms[pair.geom2 as usize]];
+        let centres = broad.centres(p, position, colliders);
         // Orientations, sizes and the rest are fetched for the few pairs that are near.
         orient(model, position, pair.geom1 as usize, colliders, oriented);
         orient(model, position, pair.geom2 as usize, colliders, oriented);
@@ -202,43 +227,6 @@ pub fn collide<L: LaneQuery>(
         });
     }
     overflow
-}
-
-/// The centres of a pair's geoms, relative to the pair's reference point.
-#[inline(always)]
-fn centres<L: Lane>(
-    model: &Model<L::Real>,
-    position: &Position<L>,
-    colliders: &Colliders<L>,
-    pair: &Pair<L::Real>,
-) -> [Vec3<L>; 2] {
-    let reference = reference(pair);
-    let tree = |link: u32| if link == NONE { NONE } else { model.links[link as usize].tree };
-    let centre = |g: u32, link: u32| {
-        let pos = colliders.pos[g as usize];
-        if tree(link) == tree(reference) {
-            return pos;
-        }
-        add(&pos, &sub(&origin(model, position, link), &origin(model, position, reference)))
-    };
-    [centre(pair.geom1, pair.link1), centre(pair.geom2, pair.link2)]
-}
-
-/// Whether the bounding spheres of a pair, or a plane (which stands still) and a bounding sphere, are within reach.
-#[inline(always)]
-fn near<L: Lane>(
-    pair: &Pair<L::Real>,
-    [first, second]: [&Geom<L::Real>; 2],
-    colliders: &Colliders<L>,
-    centres: &[Vec3<L>; 2],
-) -> L::Mask {
-    let between = sub(&centres[1], &centres[0]);
-    let reach = L::splat(pair.include) + L::splat(second.rbound);
-    if first.shape == Shape::Plane {
-        return dot(&column(&colliders.rot[pair.geom1 as usize], 2), &between).le(reach);
-    }
-    let reach = reach + L::splat(first.rbound);
-    dot(&between, &between).le(reach * reach)
 }
 
 /// A pair as the narrow phase sees it.

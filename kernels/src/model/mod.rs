@@ -46,6 +46,8 @@ pub struct Sizes {
     pub nv: usize,
     /// Controls.
     pub nu: usize,
+    /// Actuator moments: the sum of the degrees of freedom of the actuators' joints.
+    pub nmoment: usize,
     /// Activations.
     pub na: usize,
     /// Bodies, the world included.

@@ -334,6 +334,8 @@ table! {
         pub qpos: u32,
         /// First degree of freedom of the joint.
         pub dof: u32,
+        /// Its moments, one for each degree of freedom of the joint.
+        pub moments: Span,
         /// Whether the gain depends on length or velocity.
         pub gain_affine: bool,
         /// Whether there is a bias.
