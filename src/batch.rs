@@ -14,6 +14,7 @@ use lanesim_kernels::workspace::Workspace;
 use crate::block::Block;
 use crate::convex::SupportCollider;
 use crate::error::Error;
+use crate::group::{self, Group};
 use crate::model::{Key, Model};
 use crate::noise;
 use crate::outputs::{Buffers, Output, View};
@@ -62,8 +63,8 @@ struct Crew<L: LaneQuery> {
     steps: u64,
     pool: Arc<Pool>,
     workers: Vec<Mutex<Worker<L>>>,
-    /// Where each worker has its present block.
-    places: Vec<Mutex<Block<L>>>,
+    /// Where each worker has its present blocks.
+    places: Vec<Mutex<Group<L>>>,
 }
 
 /// What a worker thread keeps from block to block.
@@ -85,14 +86,12 @@ impl<L: LaneQuery> Worker<L> {
     }
 }
 
-/// A block with its share of the outputs: `rows[o]` holds the block's worlds' rows of output `o`.
-struct Job<'a, L> {
+/// Blocks with their share of the outputs: `rows[o]` holds the worlds' rows of output `o`.
+struct Job<'a, L: LaneQuery> {
     first_world: usize,
     worlds: usize,
-    block: &'a mut Block<L>,
+    group: &'a mut Group<L>,
     rows: Vec<Rows<'a>>,
-    /// Steps taken.
-    done: usize,
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
@@ -107,92 +106,134 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         let tables = L::Real::tables(model).clone();
         let store = Store::new(&tables, nworld)?;
         let workers = (0..pool.threads()).map(|_| Mutex::new(Worker::new(&tables))).collect();
-        let places = (0..pool.threads()).map(|_| Mutex::new(Block::new(&tables))).collect();
+        let places = (0..pool.threads()).map(|_| Mutex::new(Group::new(&tables, 1))).collect();
         let model = model.clone();
         let crew = Crew { model, tables, nworld, max_contacts, restart, steps: 0, pool, workers, places };
         Ok(Batch { store, crew })
     }
 
-    /// Does `work` for every block, on all workers. Each of `rows` is an array of equally many entries per world; a block
-    /// gets those of its worlds.
-    fn each(&mut self, mut rows: Vec<Rows<'_>>, work: impl Fn(&Crew<L>, &mut Job<'_, L>, &mut Worker<L>) + Sync) {
+    /// Does `work` for all blocks, `size` at a time, on all workers. Each of `rows` is an array of equally many entries per
+    /// world; a group of blocks gets those of its worlds.
+    fn each(
+        &mut self,
+        size: usize,
+        mut rows: Vec<Rows<'_>>,
+        work: impl Fn(&Crew<L>, &mut Job<'_, L>, &mut Worker<L>) + Sync,
+    ) {
         let Batch { store, crew } = self;
         let widths: Vec<usize> = rows.iter().map(|rows| rows.len().checked_div(crew.nworld).unwrap_or(0)).collect();
-        let shares = store.iter_mut().enumerate().map(|(b, block)| {
-            let first_world = b * L::WIDTH;
-            let worlds = L::WIDTH.min(crew.nworld - first_world);
+        let shares = store.groups(size).enumerate().map(|(g, blocks)| {
+            let first_world = g * size * L::WIDTH;
+            let worlds = (size * L::WIDTH).min(crew.nworld - first_world);
             let rows: Vec<_> = rows.iter_mut().zip(&widths).map(|(rows, width)| rows.take(worlds * width)).collect();
-            (first_world, worlds, block, rows)
+            (first_world, worlds, blocks, rows)
         });
         let queue = Mutex::new(shares);
         let crew = &*crew;
         crew.pool.run(|thread| {
             let mut worker = crew.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            let mut block = crew.places[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            let mut group = crew.places[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            group.fit(&crew.tables, size);
             loop {
                 // A statement of its own: the queue is locked only while the next block is taken.
                 let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
                 let Some((first_world, worlds, (states, kept), rows)) = next else { break };
-                block.load(states, kept);
-                block.pad(worlds);
-                work(crew, &mut Job { first_world, worlds, block: &mut block, rows, done: 0 }, &mut worker);
-                block.store(states, kept);
+                group.load(states, kept, worlds);
+                work(crew, &mut Job { first_world, worlds, group: &mut group, rows }, &mut worker);
+                group.store(states, kept);
+            }
+        });
+    }
+}
+
+impl<L: LaneQuery<Real: Tables>> Batch<L> {
+    /// Does `work` for every lane that has a world for which the mask holds, with the world's number.
+    fn each_lane(&mut self, mask: Option<&[bool]>, work: impl Fn(&Crew<L>, &mut Block<L>, usize, usize) + Sync) {
+        self.each(1, Vec::new(), |crew, Job { first_world, group, .. }, _| {
+            for block in group.blocks() {
+                for lane in 0..block.ids.len() {
+                    let world = *first_world + block.ids[lane];
+                    if mask.is_none_or(|mask| mask[world]) {
+                        work(crew, block, lane, world);
+                    }
+                }
             }
         });
     }
 }
 
 impl<L: LaneQuery<Real: Tables>> Crew<L> {
-    /// Takes one block through all steps of a rollout.
-    fn run_block(&self, rollout: &Rollout<'_>, plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
-        self.check_state(job.block);
-        while job.done < rollout.nstep && !rollout.cancelled() {
-            let step = job.done;
-            self.load_controls(rollout, step, job);
-            // A block of which all worlds are frozen is passed over, unless somebody looks at it.
-            if job.block.status.alive != 0 || plan.derived {
-                self.step_block(rollout, plan, step, job.block, worker);
+    /// Takes blocks through all steps of a rollout; if they are several, a span of steps each in turn.
+    fn run_group(&self, rollout: &Rollout<'_>, plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+        let Job { first_world, worlds, group, rows } = job;
+        let count = group.blocks().len();
+        let span = if count > 1 { group::SPAN } else { rollout.nstep };
+        let mut end = 0;
+        while end < rollout.nstep && !rollout.cancelled() {
+            end = rollout.nstep.min(end + span);
+            for b in 0..count {
+                let block = &mut group.blocks()[b];
+                self.guard(block, worker, |block, worker| {
+                    if block.done == 0 {
+                        self.check_state(block);
+                    }
+                    while block.done < end && !rollout.cancelled() {
+                        self.load_controls(rollout, *first_world, block);
+                        // A block of which all worlds are frozen is passed over, unless somebody looks at it.
+                        if block.status.alive != 0 || plan.derived {
+                            self.step_block(rollout, plan, block, worker);
+                        }
+                        self.record(rollout, rows, *worlds, block, worker);
+                        block.done += 1;
+                    }
+                });
+                if end < rollout.nstep {
+                    group.observe(b, &self.tables, &worker.workspace);
+                }
             }
-            self.record(rollout, step, job, worker);
-            job.done += 1;
+            if end < rollout.nstep {
+                group.sort();
+            }
         }
-        self.progress(rollout, job);
+        if let Some(progress) = rollout.progress {
+            progress.fetch_add((rollout.nstep * *worlds) as u64, Ordering::Relaxed);
+        }
     }
 
     /// Computes outputs of one block's present states.
-    fn read_block(&self, outputs: &[Output], plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
-        let Worker { workspace, buffers, .. } = worker;
-        if plan.derived {
-            self.check_state(job.block);
-            let before = job.block.status;
-            let mut run = self.run(plan, job.block.applied.as_deref());
-            pipeline::forward(&self.tables, &job.block.state, &mut run, &mut job.block.status, workspace);
-            if job.block.status != before {
-                self.note(job.block, before, 0, workspace);
-            }
-        }
-        let view = View { model: &self.model, tables: &self.tables, block: job.block, workspace };
-        for (output, rows) in outputs.iter().zip(&mut job.rows) {
-            let width = rows.len() / job.worlds;
-            (0..job.worlds).for_each(|lane| output.write(&view, lane, buffers, rows, lane * width));
-        }
-    }
-
-    fn step_block(
+    fn read_block(
         &self,
-        rollout: &Rollout<'_>,
+        outputs: &[Output],
         plan: &Plan,
-        step: usize,
+        rows: &mut [Rows<'_>],
         block: &mut Block<L>,
         worker: &mut Worker<L>,
     ) {
+        let Worker { workspace, buffers, .. } = worker;
+        if plan.derived {
+            self.check_state(block);
+            let before = block.status;
+            let mut run = self.run(plan, block.applied.as_deref());
+            pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, workspace);
+            if block.status != before {
+                self.note(block, before, workspace);
+            }
+        }
+        let view = View { model: &self.model, tables: &self.tables, block, workspace };
+        for (output, rows) in outputs.iter().zip(rows) {
+            let width = rows.len() / block.ids.len();
+            block.ids.iter().enumerate().for_each(|(lane, id)| output.write(&view, lane, buffers, rows, id * width));
+        }
+    }
+
+    fn step_block(&self, rollout: &Rollout<'_>, plan: &Plan, block: &mut Block<L>, worker: &mut Worker<L>) {
         let before = block.status;
         let Block { state, status, applied, .. } = block;
         let mut run = self.run(plan, applied.as_deref());
         run.clock = rollout.clock.then_some(&mut worker.clock);
         pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
         if block.status != before {
-            self.note(block, before, step, &worker.workspace);
+            self.note(block, before, &worker.workspace);
         }
         if rollout.statistics {
             worker.statistics.gather(&worker.workspace, before.alive);
@@ -202,12 +243,6 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
     fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>) -> Run<'a, L> {
         let Plan { stages, residual, .. } = *plan;
         Run { applied, clock: None, max_contacts: self.max_contacts, convex: &SupportCollider, stages, residual }
-    }
-
-    fn progress(&self, rollout: &Rollout<'_>, job: &Job<'_, L>) {
-        if let Some(progress) = rollout.progress {
-            progress.fetch_add((rollout.nstep * job.worlds) as u64, Ordering::Relaxed);
-        }
     }
 
     /// Flags what a state from outside should not have. A step leaves no such state.
@@ -223,13 +258,13 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
 
     /// Keeps what happened in a step, and starts worlds again that diverged, if that is the policy.
     #[cold]
-    fn note(&self, block: &mut Block<L>, mut before: BlockStatus, step: usize, workspace: &Workspace<L>) {
+    fn note(&self, block: &mut Block<L>, mut before: BlockStatus, workspace: &Workspace<L>) {
         let mut lost = before.alive & !block.status.alive;
         if self.restart.is_some() {
             // A world that starts again is not frozen.
             before.record(Status::FROZEN, lost);
         }
-        block.note(&before, self.steps + step as u64, &|block, status, lane| {
+        block.note(&before, self.steps + block.done as u64, &|block, status, lane| {
             diagnosis::element(&self.tables, &block.state, workspace, status, lane)
         });
         let Some(key) = &self.restart else { return };
@@ -239,31 +274,31 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
-    fn load_controls(&self, rollout: &Rollout<'_>, step: usize, job: &mut Job<'_, L>) {
+    fn load_controls(&self, rollout: &Rollout<'_>, first_world: usize, block: &mut Block<L>) {
         let nu = self.tables.sizes.nu;
+        let Block { state, ids, done: step, .. } = block;
+        let worlds = ids.iter().map(|id| first_world + id).enumerate();
         match rollout.controls {
             Controls::Keep => {}
             Controls::Given(controls) => {
-                for lane in 0..job.worlds {
-                    let row = ((job.first_world + lane) * rollout.nstep + step) * nu;
-                    for (u, x) in job.block.state.ctrl.iter_mut().zip(&controls[row..row + nu]) {
+                for (lane, world) in worlds {
+                    let row = (world * rollout.nstep + *step) * nu;
+                    for (u, x) in state.ctrl.iter_mut().zip(&controls[row..row + nu]) {
                         u.set(lane, L::Real::from_f64(*x));
                     }
                 }
             }
             Controls::Strided { values, world, step: stride } => {
-                let ctrl = &mut job.block.state.ctrl;
-                for lane in (0..job.worlds).filter(|_| nu > 0) {
-                    let row = (job.first_world + lane) * world + step * stride;
-                    values.for_each(row..row + nu, |i, x| ctrl[i].set(lane, L::Real::from_f64(x)));
+                for (lane, id) in worlds.filter(|_| nu > 0) {
+                    let row = id * world + *step * stride;
+                    values.for_each(row..row + nu, |i, x| state.ctrl[i].set(lane, L::Real::from_f64(x)));
                 }
             }
             Controls::Noise { seed } => {
-                for (a, u) in job.block.state.ctrl.iter_mut().enumerate() {
+                for (a, u) in state.ctrl.iter_mut().enumerate() {
                     let [low, high] = self.model.control_range(a);
-                    for lane in 0..job.worlds {
-                        let world = (job.first_world + lane) as u64;
-                        let x = noise::uniform(seed, world, step as u64, a as u64);
+                    for (lane, world) in worlds.clone() {
+                        let x = noise::uniform(seed, world as u64, *step as u64, a as u64);
                         u.set(lane, <L::Real as Real>::from_f64(low + (high - low) * x));
                     }
                 }
@@ -271,13 +306,21 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
-    fn record(&self, rollout: &Rollout<'_>, step: usize, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
+    /// Writes the outputs of a block of which `rows` are those of `worlds` worlds.
+    fn record(
+        &self,
+        rollout: &Rollout<'_>,
+        rows: &mut [Rows<'_>],
+        worlds: usize,
+        block: &Block<L>,
+        worker: &mut Worker<L>,
+    ) {
         let Worker { workspace, buffers, .. } = worker;
-        let view = View { model: &self.model, tables: &self.tables, block: job.block, workspace };
-        for (output, rows) in rollout.outputs.iter().zip(&mut job.rows) {
-            let width = rows.len() / (job.worlds * rollout.nstep);
-            for lane in 0..job.worlds {
-                output.write(&view, lane, buffers, rows, (lane * rollout.nstep + step) * width);
+        let view = View { model: &self.model, tables: &self.tables, block, workspace };
+        for (output, rows) in rollout.outputs.iter().zip(rows) {
+            let width = rows.len() / (worlds * rollout.nstep);
+            for (lane, id) in block.ids.iter().enumerate() {
+                output.write(&view, lane, buffers, rows, (id * rollout.nstep + block.done) * width);
             }
         }
     }
@@ -314,18 +357,12 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn reset(&mut self, world: usize, key: &Key) {
-        let mut scratch = self.crew.places[0].lock().unwrap_or_else(PoisonError::into_inner);
-        self.store.change(world, &mut scratch, |block, lane| block.reset(&self.crew.tables.sizes, lane, key));
+        let mut place = self.crew.places[0].lock().unwrap_or_else(PoisonError::into_inner);
+        self.store.change(world, place.scratch(), |block, lane| block.reset(&self.crew.tables.sizes, lane, key));
     }
 
     fn reset_all(&mut self, mask: Option<&[bool]>, key: &Key) {
-        self.each(Vec::new(), |crew, job, _| {
-            for lane in 0..job.worlds {
-                if mask.is_none_or(|mask| mask[job.first_world + lane]) {
-                    job.block.reset(&crew.tables.sizes, lane, key);
-                }
-            }
-        });
+        self.each_lane(mask, |crew, block, lane, _| block.reset(&crew.tables.sizes, lane, key));
     }
 
     fn set_status(&mut self, world: usize, status: Status) {
@@ -335,20 +372,17 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>) {
-        self.each(Vec::new(), |crew, job, _| {
-            for lane in 0..job.worlds {
-                let world = job.first_world + lane;
-                if mask.is_none_or(|mask| mask[world]) {
-                    job.block.set_row(field, &crew.tables.sizes, lane, rows, world);
-                }
-            }
+        self.each_lane(mask, |crew, block, lane, world| {
+            block.set_row(field, &crew.tables.sizes, lane, rows, world);
         });
     }
 
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>) {
         let plan = Plan::forward(outputs);
-        self.each(rows, |crew, job, worker| {
-            crew.guard(job, worker, |job, worker| crew.read_block(outputs, &plan, job, worker));
+        self.each(1, rows, |crew, Job { group, rows, .. }, worker| {
+            for block in group.blocks() {
+                crew.guard(block, worker, |block, worker| crew.read_block(outputs, &plan, rows, block, worker));
+            }
         });
     }
 
@@ -356,12 +390,10 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         let mut plan = Plan::step(rollout.outputs);
         plan.residual |= rollout.statistics;
         self.crew.clear();
-        self.each(rows, |crew, job, worker| {
-            let whole = crew.guard(job, worker, |job, worker| crew.run_block(rollout, &plan, job, worker));
-            if !whole {
-                crew.progress(rollout, job);
-            }
-        });
+        let Crew { tables, pool, nworld, .. } = &self.crew;
+        let bytes = Store::<L>::block_bytes(&tables.sizes);
+        let size = group::size(tables, nworld.div_ceil(L::WIDTH), bytes, pool.threads(), rollout.nstep);
+        self.each(size, rows, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
         self.crew.steps += rollout.nstep as u64;
         self.crew.collect()
     }
@@ -383,20 +415,13 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
 
 impl<L: LaneQuery<Real: Tables>> Crew<L> {
     /// A panic in `work` costs its block's worlds, nothing else: they are frozen and flagged, and the workspace, which may
-    /// hold anything now, is made anew. Whether all went well.
-    fn guard(
-        &self,
-        job: &mut Job<'_, L>,
-        worker: &mut Worker<L>,
-        work: impl FnOnce(&mut Job<'_, L>, &mut Worker<L>),
-    ) -> bool {
-        let whole = catch_unwind(AssertUnwindSafe(|| work(job, worker))).is_ok();
-        if !whole {
-            job.block.fail(self.steps + job.done as u64);
+    /// hold anything now, is made anew.
+    fn guard(&self, block: &mut Block<L>, worker: &mut Worker<L>, work: impl FnOnce(&mut Block<L>, &mut Worker<L>)) {
+        if catch_unwind(AssertUnwindSafe(|| work(block, worker))).is_err() {
+            block.fail(self.steps + block.done as u64);
             worker.workspace = Workspace::new(&self.tables);
             worker.buffers = Buffers::default();
         }
-        whole
     }
 
     /// Forgets what the workers counted.

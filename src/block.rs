@@ -18,6 +18,10 @@ pub(crate) struct Block<L> {
     pub applied: Option<Box<Applied<L>>>,
     /// First time of each status of each lane; empty until something happens.
     pub firsts: Vec<First>,
+    /// The worlds in the lanes, as numbers within what a worker has taken; the lanes after them are padding.
+    pub ids: Vec<usize>,
+    /// Steps taken in this run.
+    pub done: usize,
 }
 
 impl<L: LaneQuery> Block<L> {
@@ -27,7 +31,14 @@ impl<L: LaneQuery> Block<L> {
         for (q, q0) in state.qpos.iter_mut().zip(&model.qpos0) {
             *q = L::splat(*q0);
         }
-        Block { state, status: BlockStatus::default(), applied: None, firsts: Vec::new() }
+        Block {
+            state,
+            status: BlockStatus::default(),
+            applied: None,
+            firsts: Vec::new(),
+            ids: Vec::with_capacity(L::WIDTH),
+            done: 0,
+        }
     }
 
     /// The field's entries; allocates forces from outside.
@@ -119,6 +130,14 @@ impl<L: LaneQuery> Block<L> {
         }
     }
 
+    /// Calls `f` with the lanes of every field.
+    pub fn for_each(&mut self, f: &mut dyn FnMut(&mut [L])) {
+        self.state.for_each(&mut |field| f(field.data));
+        if let Some(applied) = &mut self.applied {
+            applied.for_each(&mut |field| f(field.data));
+        }
+    }
+
     /// Freezes all worlds, because code that their step called has failed.
     pub fn fail(&mut self, step: u64) {
         let before = self.status;
@@ -129,8 +148,8 @@ impl<L: LaneQuery> Block<L> {
     }
 
     /// Lets padding lanes replicate lane 0, so that they never hold anything unusual.
-    pub fn pad(&mut self, worlds: usize) {
-        for lane in worlds..L::WIDTH {
+    pub fn pad(&mut self) {
+        for lane in self.ids.len()..L::WIDTH {
             copy_lane(&mut self.state, 0, lane);
         }
     }

@@ -7,6 +7,7 @@ pub mod convex;
 pub mod diagnostics;
 pub mod error;
 pub mod eval;
+mod group;
 mod memory;
 pub mod mjcf;
 pub mod model;

@@ -55,9 +55,9 @@ impl<L: LaneQuery> Store<L> {
         state_len::<L>(sizes) * size_of::<L>() + size_of::<Kept<L>>()
     }
 
-    /// Every block: its state, and what else is kept of it.
-    pub fn iter_mut(&mut self) -> impl Iterator<Item = (&mut [L], &mut Kept<L>)> {
-        self.states.chunks_exact_mut(self.len).zip(&mut self.kept)
+    /// All blocks, `size` at a time: their states, and what else is kept of them.
+    pub fn groups(&mut self, size: usize) -> impl Iterator<Item = (&mut [L], &mut [Kept<L>])> {
+        self.states.chunks_mut(size * self.len).zip(self.kept.chunks_mut(size))
     }
 
     /// Where a block's state is.

@@ -1,0 +1,232 @@
+//! Groups of blocks whose worlds change places, so that worlds with the same contacts are side by side.
+//!
+//! A block pays for the union of its worlds' contacts and for its slowest world's iterations. Between spans of steps a
+//! group sorts its worlds by their contacts, the most common ones first. Since no world's bits depend on its neighbours,
+//! this changes no result; every lane knows which world it holds, and at the end all are back where they came from.
+
+use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::model::{Model, Sizes};
+use lanesim_kernels::state::{Applied, Status, state_len};
+use lanesim_kernels::workspace::Workspace;
+
+use crate::block::Block;
+use crate::status::First;
+use crate::store::Kept;
+
+/// Steps between two sortings.
+pub(crate) const SPAN: usize = 16;
+/// Most blocks of a group.
+const MOST: usize = 16;
+/// Bytes of states of a group that stay in a core's cache.
+const CACHE: usize = 1 << 18;
+/// Contacts of a world that are looked at.
+const SEEN: usize = 24;
+
+/// How many blocks to take together, of `blocks` of a model for `threads` threads: enough to find worlds that are alike,
+/// few enough to keep all threads busy to the end.
+pub(crate) fn size<T>(model: &Model<T>, blocks: usize, block_bytes: usize, threads: usize, nstep: usize) -> usize {
+    if model.pairs.is_empty() || nstep <= SPAN {
+        return 1;
+    }
+    let shares = if threads == 1 { 1 } else { 8 * threads };
+    (blocks / shares).min(CACHE / block_bytes).clamp(1, MOST)
+}
+
+/// The contact slots that a world had in the last step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    slots: [u32; SEEN],
+    len: usize,
+}
+
+/// Blocks that are worked on together. A place is a lane of a block; all but the last places hold worlds.
+pub(crate) struct Group<L: LaneQuery> {
+    /// The blocks; the first `used` are in use.
+    blocks: Vec<Block<L>>,
+    used: usize,
+    /// Contacts by place.
+    seen: Vec<Seen>,
+    /// By contact slot: worlds that have it, then its rank among all.
+    common: Vec<u32>,
+    /// Slots that some world has.
+    present: Vec<u32>,
+    /// By place: what to sort by, and the place that the world came from.
+    order: Vec<(u64, usize)>,
+    /// All blocks' lanes while they change places.
+    moved: Vec<L>,
+    sizes: Sizes,
+}
+
+impl<L: LaneQuery> Group<L> {
+    /// Room for a group of `size` blocks.
+    pub fn new(model: &Model<L::Real>, size: usize) -> Self {
+        let places = size * L::WIDTH;
+        Group {
+            blocks: (0..size).map(|_| Block::new(model)).collect(),
+            used: 0,
+            seen: vec![Seen::default(); places],
+            common: vec![0; if size > 1 { model.sizes.nslot } else { 0 }],
+            present: Vec::with_capacity(if size > 1 { model.sizes.nslot.min(places * SEEN) } else { 0 }),
+            order: Vec::with_capacity(places),
+            moved: Vec::with_capacity(if size > 1 { size * state_len::<L>(&model.sizes) } else { 0 }),
+            sizes: model.sizes.clone(),
+        }
+    }
+
+    /// Makes room for groups of `size` blocks.
+    pub fn fit(&mut self, model: &Model<L::Real>, size: usize) {
+        if self.blocks.len() < size {
+            *self = Group::new(model, size);
+        }
+    }
+
+    /// The blocks in use.
+    pub fn blocks(&mut self) -> &mut [Block<L>] {
+        &mut self.blocks[..self.used]
+    }
+
+    /// A block for somebody to use, when none is in use.
+    pub fn scratch(&mut self) -> &mut Block<L> {
+        &mut self.blocks[0]
+    }
+
+    /// Takes over blocks of `worlds` worlds that were kept.
+    pub fn load(&mut self, states: &[L], kept: &mut [Kept<L>], worlds: usize) {
+        self.used = kept.len();
+        let len = states.len() / kept.len();
+        for (b, ((block, states), kept)) in self.blocks.iter_mut().zip(states.chunks_exact(len)).zip(kept).enumerate() {
+            block.load(states, kept);
+            block.done = 0;
+            block.ids.clear();
+            block.ids.extend(b * L::WIDTH..worlds.min((b + 1) * L::WIDTH));
+            block.pad();
+        }
+    }
+
+    /// Puts them back, every world where it was.
+    pub fn store(&mut self, states: &mut [L], kept: &mut [Kept<L>]) {
+        self.restore();
+        let len = states.len() / kept.len();
+        for ((block, states), kept) in self.blocks.iter_mut().zip(states.chunks_exact_mut(len)).zip(kept) {
+            block.store(states, kept);
+        }
+    }
+
+    /// Keeps the contacts that the worlds of block `b` had in the last step.
+    pub fn observe(&mut self, b: usize, model: &Model<L::Real>, workspace: &Workspace<L>) {
+        let seen = &mut self.seen[b * L::WIDTH..(b + 1) * L::WIDTH];
+        seen.iter_mut().for_each(|seen| seen.len = 0);
+        let alive = self.blocks[b].status.alive;
+        let collision = &workspace.collision;
+        for (slot, contact) in collision.slots.iter().zip(&collision.contacts) {
+            let slot = model.pairs[slot.pair as usize].slots.start + slot.point;
+            let mut lanes = L::bits(contact.dist.lt(L::of(L::Real::MAXVAL))) & alive;
+            while lanes != 0 {
+                let seen = &mut seen[lanes.trailing_zeros() as usize];
+                lanes &= lanes - 1;
+                if seen.len < SEEN {
+                    seen.slots[seen.len] = slot;
+                    seen.len += 1;
+                }
+            }
+        }
+    }
+
+    /// Sorts the worlds by the contacts observed last, if that makes blocks' lists of contacts clearly shorter.
+    pub fn sort(&mut self) {
+        self.rank();
+        let key = |seen: &Seen| {
+            let bit = |slot: &u32| 1_u64.checked_shl(63_u32.wrapping_sub(self.common[*slot as usize])).unwrap_or(0);
+            seen.slots[..seen.len].iter().fold(0, |key, slot| key | bit(slot))
+        };
+        self.order.clear();
+        self.order.extend((0..self.places()).map(|place| (key(&self.seen[place]), place)));
+        // How many of the common contacts the blocks' unions have: now, and with the worlds in order.
+        let cost = |order: &[(u64, usize)]| -> u32 {
+            order.chunks(L::WIDTH).map(|block| block.iter().fold(0, |union, (key, _)| union | key).count_ones()).sum()
+        };
+        let now = cost(&self.order);
+        self.order.sort_unstable_by_key(|(key, place)| (std::cmp::Reverse(*key), *place));
+        if 10 * cost(&self.order) < 9 * now {
+            self.rearrange();
+        }
+        for slot in self.present.drain(..) {
+            self.common[slot as usize] = 0;
+        }
+    }
+
+    /// Numbers the slots that some world has in `common`, from the most common one on.
+    fn rank(&mut self) {
+        let places = self.places();
+        let Group { common, present, seen, .. } = self;
+        for seen in &seen[..places] {
+            for slot in &seen.slots[..seen.len] {
+                if common[*slot as usize] == 0 {
+                    present.push(*slot);
+                }
+                common[*slot as usize] += 1;
+            }
+        }
+        present.sort_unstable_by_key(|slot| (std::cmp::Reverse(common[*slot as usize]), *slot));
+        for (rank, slot) in present.iter().enumerate() {
+            common[*slot as usize] = rank as u32;
+        }
+    }
+
+    /// Number of worlds.
+    fn places(&self) -> usize {
+        self.blocks[..self.used].iter().map(|block| block.ids.len()).sum()
+    }
+
+    /// Puts every world back where it came from.
+    fn restore(&mut self) {
+        self.order.clear();
+        let ids = self.blocks[..self.used].iter().flat_map(|block| &block.ids);
+        self.order.extend(ids.enumerate().map(|(place, id)| (*id as u64, place)));
+        if self.order.iter().any(|(id, place)| *id != *place as u64) {
+            self.order.sort_unstable();
+            self.rearrange();
+        }
+    }
+
+    /// Moves to each place the world from the place in `order`.
+    fn rearrange(&mut self) {
+        let Group { blocks, order, moved, sizes, .. } = self;
+        let blocks = &mut blocks[..self.used];
+        if blocks.iter().any(|block| block.applied.is_some()) {
+            for block in blocks.iter_mut() {
+                block.applied.get_or_insert_with(|| Box::new(Applied::new(sizes)));
+            }
+        }
+        moved.clear();
+        let mut firsts: Vec<(usize, First)> = Vec::new();
+        let mut places: [(usize, Status); MOST * 16] = [Default::default(); MOST * 16];
+        for (b, block) in blocks.iter_mut().enumerate() {
+            block.for_each(&mut |lanes| moved.extend_from_slice(lanes));
+            firsts.extend(block.firsts.drain(..).map(|first| (b * L::WIDTH + first.lane, first)));
+            for (lane, id) in block.ids.iter().enumerate() {
+                places[b * L::WIDTH + lane] = (*id, block.status.lane(lane));
+            }
+        }
+        let len = moved.len() / blocks.len();
+        for (block, from) in blocks.iter_mut().zip(order.chunks(L::WIDTH)) {
+            let mut entry = 0;
+            block.for_each(&mut |lanes| {
+                for x in lanes {
+                    for (lane, (_, place)) in from.iter().enumerate() {
+                        x.set(lane, moved[place / L::WIDTH * len + entry].get(place % L::WIDTH));
+                    }
+                    entry += 1;
+                }
+            });
+            for (lane, (_, place)) in from.iter().enumerate() {
+                let (id, status) = places[*place];
+                block.ids[lane] = id;
+                block.status.set_lane(lane, status);
+                let mine = firsts.iter().filter(|(at, _)| at == place);
+                block.firsts.extend(mine.map(|(_, first)| First { lane, ..*first }));
+            }
+            block.pad();
+        }
+    }
+}
