@@ -4,6 +4,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::error::Error;
 
+/// More are a mistake, and starting them would keep the machine busy for minutes.
+const MOST_THREADS: usize = 1024;
+
 /// A pool of worker threads, pinned if there is one for every processor and the system allows it.
 #[derive(Debug)]
 pub struct Pool {
@@ -17,6 +20,9 @@ impl Pool {
         let threads = threads.unwrap_or(available);
         if threads == 0 {
             return Err(Error::Options("threads must be at least 1".into()));
+        }
+        if threads > MOST_THREADS {
+            return Err(Error::Options(format!("threads is {threads}; expected at most {MOST_THREADS}")));
         }
         let cores = core_affinity::get_core_ids().unwrap_or_default();
         // Only a pool that takes every processor pins. Fewer workers would crowd the first processors when several

@@ -78,7 +78,7 @@ pub enum Field {
     Act,
     /// Controls: `nu`.
     Ctrl,
-    /// Start of the solver: `nv`.
+    /// Start of the solver, what constraints added to the smooth acceleration in the last step: `nv`.
     QaccWarmstart,
     /// Generalised forces from outside: `nv`.
     QfrcApplied,

@@ -75,6 +75,7 @@ fn wrong_outputs_are_named() {
 fn impossible_options_are_named() {
     let model = load("zoo/cartpole");
     fails(Worlds::new(&model, 1, &Options { threads: Some(0), ..wide() }), "threads must be at least 1");
+    fails(Worlds::new(&model, 1, &Options { threads: Some(1_000_000), ..wide() }), "expected at most 1024");
 }
 
 fn array(shape: &[usize], data: Vec<f64>) -> Array {

@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError, UnknownNameError
 
+LARGEST = 2**63 - 1
+"""Largest whole number that the engine can be given."""
+
 Dim = tuple[str, int]
 
 HINT = "; was it made for another model?"
@@ -25,6 +28,15 @@ def numbers(name: str, values: ArrayLike) -> NDArray[Any]:
             raise InputError(f"array `{name}` has type {array.dtype}; expected real numbers")
         array = array.astype(np.float64)
     return np.require(array, requirements=("C", "A"))
+
+
+def check_range(name: str, array: NDArray[Any], dtype: np.dtype[Any]) -> None:
+    """An exception if a finite number is too large for the type of the worlds."""
+    if array.dtype.itemsize <= dtype.itemsize or array.size == 0:
+        return
+    largest, most = max(-array.min(), array.max()), float(np.finfo(dtype).max)
+    if most < largest < np.inf:
+        raise InputError(f"array `{name}` holds a number of size {largest:.1e}; {dtype} has none above {most:.1e}")
 
 
 def show(dims: Sequence[Dim]) -> str:
@@ -60,7 +72,7 @@ def mask_of(mask: ArrayLike | None, nworld: int) -> NDArray[np.bool_] | None:
     return np.require(array, requirements=("C", "A"))
 
 
-def target(name: str, array: Any, shape: tuple[int, ...], dims: Sequence[Dim], kinds: tuple) -> NDArray[Any]:
+def target(name: str, array: Any, shape: tuple[int, ...], dims: Sequence[Dim], kinds: tuple[Any, ...]) -> NDArray[Any]:
     """An array that results can be written to: of the right shape and type, writable and contiguous."""
     if not isinstance(array, np.ndarray):
         raise InputError(f"array `{name}` is a {type(array).__name__}; expected a NumPy array to write to")
@@ -82,11 +94,13 @@ def count(name: str, value: Any, least: int = 0) -> int:
         raise InputError(f"{name} is {value!r}; expected a whole number")
     if value < least:
         raise InputError(f"{name} is {value}; expected at least {least}")
+    if value > LARGEST:
+        raise InputError(f"{name} is {value}; expected at most {LARGEST}")
     return int(value)
 
 
 def choice(name: str, value: Any, valid: Sequence[str]) -> str:
     """One of a few words."""
-    if value not in valid:
+    if not isinstance(value, str) or value not in valid:
         raise UnknownNameError(f"{name} is {value!r}; expected one of {', '.join(valid)}")
     return value

@@ -1,10 +1,13 @@
 """The compiled half. Use the package `lanesim`."""
 
 from os import PathLike
-from typing import Any, Callable, Sequence
+from typing import Any, Callable, Sequence, final
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import Self
+
+__all__ = ["Model", "OUTPUTS", "Pool", "STATUS", "Worlds", "__version__", "check_finite"]
 
 __version__: str
 STATUS: list[tuple[str, int]]
@@ -15,6 +18,7 @@ _Overrides = Sequence[tuple[str, str]]
 
 def check_finite(name: str, array: NDArray[Any]) -> None: ...
 
+@final
 class Model:
     @staticmethod
     def load(path: str | PathLike[str], lenient: bool, overrides: _Overrides) -> Model: ...
@@ -40,13 +44,15 @@ class Model:
     def mocap(self) -> tuple[list[list[float]], list[list[float]]]: ...
     def output(self, name: str) -> tuple[bool, list[int], bool]: ...
 
+@final
 class Pool:
-    def __init__(self, threads: int | None = None) -> None: ...
+    def __new__(cls, threads: int | None = None) -> Self: ...
     @property
     def threads(self) -> int: ...
 
+@final
 class Worlds:
-    def __init__(self, model: Model, nworld: int, choice: dict[str, Any], pool: Pool | None = None) -> None: ...
+    def __new__(cls, model: Model, nworld: int, choice: dict[str, Any], pool: Pool | None = None) -> Self: ...
     def engine(self) -> tuple[int, int, str, int, int]: ...
     def write(
         self,

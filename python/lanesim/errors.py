@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Sequence
+from typing import Any, NamedTuple, Sequence
 
 __all__ = [
     "Diagnostic",
@@ -42,11 +42,11 @@ class ModelError(LanesimError, ValueError):
     diagnostics: list[Diagnostic]
     """Every problem that was found."""
 
-    def __init__(self, text: str, diagnostics: Sequence[tuple] = ()) -> None:
+    def __init__(self, text: str, diagnostics: Sequence[tuple[str | None, int, str, str, str]] = ()) -> None:
         super().__init__(text)
         self.diagnostics = [Diagnostic(*d) for d in diagnostics]
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return (type(self), (str(self), [tuple(d) for d in self.diagnostics]))
 
 

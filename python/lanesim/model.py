@@ -9,7 +9,7 @@ from typing import Any, Iterable, Mapping, NamedTuple, Protocol, runtime_checkab
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _lanesim
+from . import _arrays, _lanesim
 from .errors import InputError, UnknownNameError
 
 __all__ = ["Cone", "Integrator", "Key", "Model", "Options", "Report", "Solver"]
@@ -169,7 +169,7 @@ class Model:
     """
 
     __slots__ = ("_m", "_arrays", "__weakref__")
-    _m: Any
+    _m: _lanesim.Model
     _arrays: dict[str, Any]
 
     def __init__(self) -> None:
@@ -196,7 +196,7 @@ class Model:
         model. `options` replace the file's: names and values of MJCF's ``option``, and of ``flag`` as True or False.
         Raises `ModelError`, which names file, line and element.
         """
-        return cls._of(_lanesim.Model.load(os.fspath(path), bool(lenient), _overrides(options)))
+        return cls._of(_lanesim.Model.load(os.fsdecode(path), bool(lenient), _overrides(options)))
 
     @classmethod
     def from_xml_string(
@@ -208,6 +208,8 @@ class Model:
         options: Mapping[str, Any] | None = None,
     ) -> "Model":
         """Parses MJCF text; `assets` are the files that it includes, by name. Otherwise like `from_xml_path`."""
+        if assets is not None and not isinstance(assets, Mapping):
+            raise TypeError(f"assets is a {type(assets).__name__}; expected a dict from file names to contents")
         if not isinstance(xml, str):
             raise TypeError(f"xml is a {type(xml).__name__}; expected str")
         files = {}
@@ -236,13 +238,13 @@ class Model:
         """The same model with other options, as ``opt.set`` takes them; this one stays as it is."""
         return Model._of(self._m.with_options(_overrides(options)))
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return (_restore, self._m.document())
 
     def __copy__(self) -> "Model":
         return Model._of(self._m)
 
-    def __deepcopy__(self, memo: dict) -> "Model":
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Model":
         return Model._of(self._m)
 
     @property
@@ -317,7 +319,7 @@ class Model:
     def _key(self, key: int | str) -> int:
         if isinstance(key, str):
             return self.id("key", key)
-        if not 0 <= key < self.nkey:
+        if _arrays.count("key", key) >= self.nkey:
             raise UnknownNameError(f"there is no keyframe {key}: the model has {self.nkey}")
         return int(key)
 

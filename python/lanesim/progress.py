@@ -25,7 +25,7 @@ def following(progress: Progress, total: int) -> Iterator[Callable[[int], object
         follow(total, total)
         return
     try:
-        from tqdm.auto import tqdm
+        from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
     except ImportError:
         raise ImportError("progress=True needs tqdm: pip install tqdm, or give a function instead") from None
     with tqdm(total=total, unit="step", unit_scale=True) as bar:

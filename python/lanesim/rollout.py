@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from typing import Any, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays, _lanesim
+from . import _arrays, _lanesim, _reuse
 from .errors import InputError, UnsupportedError
 from .model import Model
 from .progress import Progress
-from .worlds import Worlds
+from .worlds import PRECISIONS, Worlds
 
 __all__ = ["Rollout", "rollout"]
 
@@ -29,7 +30,7 @@ class Rollout:
 
     def __init__(self, *, nthread: int | None = None, precision: str = "f64") -> None:
         """`nthread`: worker threads; None or 0: as many as there are processors."""
-        _arrays.choice("precision", precision, ("f64", "f32"))
+        _arrays.choice("precision", precision, PRECISIONS)
         nthread = None if nthread is None else _arrays.count("nthread", nthread)
         self.nthread = nthread or 0
         self._precision = precision
@@ -64,13 +65,12 @@ class Rollout:
         outputs: Sequence[str] | None = None,
         chunk_size: int | None = None,
         progress: Progress = None,
-    ):
+    ) -> Any:
         """Like `lanesim.rollout`."""
         with self._lock:
             if self._pool is None:
                 raise RuntimeError("rollout requested after thread pool shutdown")
-            if not isinstance(model, Model):
-                raise TypeError(f"model is a {type(model).__name__}; expected a lanesim.Model")
+            _check_kinds(model, initial_state)
             if control_spec != STATE_CTRL:
                 raise UnsupportedError(f"control_spec {control_spec} is not built yet: only mjSTATE_CTRL is")
             if chunk_size is not None:
@@ -78,7 +78,7 @@ class Rollout:
             plan = _Plan(model, initial_state, control, nstep, initial_warmstart, state, sensordata)
             return self._run(plan, skip_checks, outputs, progress)
 
-    def _run(self, plan: "_Plan", skip_checks: bool, outputs: Sequence[str] | None, progress: Progress):
+    def _run(self, plan: "_Plan", skip_checks: bool, outputs: Sequence[str] | None, progress: Progress) -> Any:
         model, nbatch, nstep = plan.model, plan.nbatch, plan.nstep
         worlds = self._worlds
         if worlds is None or worlds.nworld != nbatch or worlds.model._m is not model._m:
@@ -90,18 +90,20 @@ class Rollout:
         dtype = worlds.dtype
         state = plan.state
         if state is None:
-            state = np.empty((nbatch, nstep, plan.nstate), dtype=dtype)
+            state = _reuse.empty((nbatch, nstep, plan.nstate), dtype)
         sensordata = plan.sensordata
         if sensordata is None:
-            sensordata = np.empty((nbatch, nstep, model.nsensordata), dtype=dtype)
+            sensordata = _reuse.empty((nbatch, nstep, model.nsensordata), dtype)
         arrays, names = [state], ["state"]
+        if isinstance(outputs, str):
+            raise InputError(f"outputs is a str; expected a list of names, such as [{outputs!r}]")
         recorded: dict[str, NDArray[Any]] = {}
         for name in outputs or ():
             fixed, shape, integer = model._m.output(name)
             if not fixed:
                 raise InputError(f"{name} differs in length between worlds and cannot be recorded in a rollout")
             if name not in recorded:
-                recorded[name] = np.empty((nbatch, nstep, *shape), dtype=np.int32 if integer else dtype)
+                recorded[name] = _reuse.empty((nbatch, nstep, *shape), np.int32 if integer else dtype)
                 names.append(name)
                 arrays.append(recorded[name])
         plan.start(worlds, not skip_checks)
@@ -112,7 +114,16 @@ class Rollout:
 class _Plan:
     """What is given, with its shapes understood."""
 
-    def __init__(self, model, initial_state, control, nstep, initial_warmstart, state, sensordata) -> None:
+    def __init__(
+        self,
+        model: Model,
+        initial_state: ArrayLike,
+        control: ArrayLike | None,
+        nstep: int | None,
+        initial_warmstart: ArrayLike | None,
+        state: NDArray[Any] | None,
+        sensordata: NDArray[Any] | None,
+    ) -> None:
         self.model = model
         self.nstate = 1 + model.nq + model.nv + model.na
         if nstep is not None:
@@ -125,7 +136,7 @@ class _Plan:
         for name, array in results:
             if array is not None and (not isinstance(array, np.ndarray) or array.ndim != 3):
                 raise InputError(f"array `{name}` to write to must be a NumPy array [nbatch, nstep, n{name}]")
-        self.nbatch = _infer("nbatch", 0, None, given + results)
+        self.nbatch = _arrays.count("nbatch", _infer("nbatch", 0, None, given + results), 1)
         self.nstep = _infer("nstep", 1, nstep, [("control", ctrl), *results])
         batch, step = ("nbatch", self.nbatch), ("nstep", self.nstep)
         _trailing("initial_state", start, [batch, ("nstate", self.nstate)])
@@ -134,6 +145,8 @@ class _Plan:
         self.initial_state, self.warmstart, self.control = start, warm, ctrl
         self.state = self._result("state", state, self.nstate)
         self.sensordata = self._result("sensordata", sensordata, model.nsensordata)
+        if self.state is not None and ctrl is not None and np.may_share_memory(self.state, ctrl):
+            raise InputError("array `state` overlaps `control`, which would change while it is read")
 
     def _result(self, name: str, array: NDArray[Any] | None, width: int) -> NDArray[Any] | None:
         if array is None:
@@ -147,17 +160,29 @@ class _Plan:
         model, rows = self.model, self.initial_state
         stride = 0 if rows.shape[0] == 1 and self.nbatch > 1 else self.nstate
         check = ("initial_state", list(rows.shape)) if checked else None
+        if checked:
+            _arrays.check_range("initial_state", rows, worlds.dtype)
         at = 0
         for name, width in (("time", 1), ("qpos", model.nq), ("qvel", model.nv), ("act", model.na)):
             worlds._w.write(name, rows, (at, stride), None, check)
             at, check = at + width, None
         if self.warmstart is not None:
-            rows = self.warmstart
-            stride = 0 if rows.shape[0] == 1 and self.nbatch > 1 else model.nv
-            check = ("initial_warmstart", list(rows.shape)) if checked else None
-            worlds._w.write("qacc_warmstart", rows, (0, stride), None, check)
+            self._warm_start(worlds, self.warmstart, checked)
 
-    def controls(self, checked: bool):
+    def _warm_start(self, worlds: Worlds, warmstart: NDArray[Any], checked: bool) -> None:
+        """MuJoCo's solver starts from an acceleration, the engine's from what constraints add to `qacc_smooth`; that
+        depends on the controls of the first step."""
+        if checked:
+            _lanesim.check_finite("initial_warmstart", warmstart)
+        controls = self.controls(checked)
+        if self.nstep and controls is not None:
+            values, stride, _ = controls
+            worlds._w.write("ctrl", values, (0, stride), None, None)
+        with np.errstate(invalid="ignore"):  # A warm start that is not a number is passed over by the solver.
+            added = _arrays.numbers("initial_warmstart", warmstart - worlds.get("qacc_smooth"))
+        worlds._w.write("qacc_warmstart", added, (0, self.model.nv), None, None)
+
+    def controls(self, checked: bool) -> tuple[NDArray[Any], int, int] | None:
         """Controls with their strides from rollout to rollout and from step to step."""
         ctrl = self.control
         if ctrl is None:
@@ -167,6 +192,17 @@ class _Plan:
         step = 0 if ctrl.shape[1] == 1 else self.model.nu
         world = 0 if ctrl.shape[0] == 1 else ctrl.shape[1] * self.model.nu
         return (ctrl, world, step)
+
+
+def _check_kinds(model: Model, initial_state: ArrayLike) -> None:
+    """A call meant for ``mujoco.rollout`` should learn what to change."""
+    if not isinstance(model, Model):
+        kind = type(model).__name__
+        raise TypeError(f"model is a {kind}; expected one lanesim.Model, such as Model.from_xml_path loads")
+    several = isinstance(initial_state, (list, tuple)) and len(initial_state) > 0
+    first = initial_state[0] if several else initial_state  # type: ignore[index]
+    if type(first).__name__ == "MjData":
+        raise TypeError("initial_state is MjData, which is not needed here: leave it out, and give nthread if you like")
 
 
 def _lead(name: str, values: ArrayLike, ndim: int) -> NDArray[Any]:
@@ -216,10 +252,16 @@ def rollout(
     chunk_size: int | None = None,
     persistent_pool: bool = False,
     progress: Progress = None,
-):
+) -> Any:
     """Rolls out open-loop trajectories from initial states, with the shapes of ``mujoco.rollout.rollout``.
 
-    Inputs with a dimension of length 1 are repeated along it; missing leading dimensions count as 1.
+    ``mujoco.rollout.rollout(model, data, initial_state, control)`` becomes ``lanesim.rollout(model, initial_state,
+    control)``; `nthread` takes the place of the list of ``MjData``. Keywords mean the same, except that with
+    `skip_checks` results are still made and shapes still checked. There is one model per call.
+
+    Inputs with a dimension of length 1 are repeated along it; missing leading dimensions count as 1. The memory of
+    results that nobody refers to any more (up to 256 MiB) is kept for those of later calls, since memory fresh from the
+    system costs time; `shutdown_persistent_pool` gives it back.
 
     Args:
         model: The model.
@@ -228,7 +270,9 @@ def rollout(
         control_spec: ``mjSTATE_CTRL``; nothing else is built yet.
         skip_checks: Do not look for numbers that are not finite. A world that gets one is frozen at its last good state.
         nstep: Number of steps; inferred if None.
-        initial_warmstart: [nbatch or 1, nv], where the solver starts; None: zero.
+        initial_warmstart: [nbatch or 1, nv], where the solver starts: MuJoCo's ``qacc_warmstart``, an acceleration (m/s^2,
+            rad/s^2). None: from the acceleration without constraints. (``Worlds.qacc_warmstart`` is kept in
+            another form.)
         state: Array to write to, [nbatch, nstep, nstate], float64 or float32.
         sensordata: Array to write to, [nbatch, nstep, nsensordata].
         outputs: Names of further quantities to record at every step (see `lanesim.OUTPUTS`): state quantities after the
@@ -258,16 +302,30 @@ def rollout(
     if not persistent_pool:
         with Rollout(nthread=nthread, precision=precision) as once:
             return once.rollout(model, initial_state, control, **arguments)
+    _arrays.choice("precision", precision, PRECISIONS)
     with _persistent_lock:
-        key = (nthread or 0, precision)
+        key = (0 if nthread is None else _arrays.count("nthread", nthread), precision)
         if key not in _persistent:
             _persistent[key] = Rollout(nthread=nthread, precision=precision)
     return _persistent[key].rollout(model, initial_state, control, **arguments)
 
 
 def shutdown_persistent_pool() -> None:
-    """Ends the threads that ``rollout(..., persistent_pool=True)`` keeps."""
+    """Ends the threads that ``rollout(..., persistent_pool=True)`` keeps, and gives the memory of results back that was
+    kept for later ones."""
     with _persistent_lock:
         for pool in _persistent.values():
             pool.close()
         _persistent.clear()
+    _reuse.clear()
+
+
+def _after_fork() -> None:
+    """A forked process has none of the threads that the pools stand for, and nobody to open a lock that was closed."""
+    global _persistent_lock
+    _persistent_lock = threading.Lock()
+    _persistent.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)

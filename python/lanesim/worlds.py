@@ -57,6 +57,7 @@ class StatusEvent(NamedTuple):
     """Where, such as ``joint 3 "knee"``; empty: the world as a whole."""
 
 
+PRECISIONS = ("f64", "f32")
 _FORCES = ("qfrc_applied", "xfrc_applied")
 _KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart")
 
@@ -91,8 +92,11 @@ class Worlds:
     backend: "auto", "wide" (SIMD lanes) or "scalar" (one world at a time; the same bits).
     max_contacts: most contacts of a world.
 
+    Worlds can be copied and pickled: what `save_state` saves goes along. They cannot be used in a forked process.
     Several batches may be used from several Python threads at once; the interpreter is free while one is stepped.
     """
+
+    __slots__ = ("_model", "_nworld", "_precision", "_forced", "_choice", "_w", "__weakref__")
 
     def __init__(
         self,
@@ -109,7 +113,7 @@ class Worlds:
         if not isinstance(model, Model):
             raise TypeError(f"model is a {type(model).__name__}; expected a lanesim.Model")
         nworld = _arrays.count("nworld", nworld, 1)
-        _arrays.choice("precision", precision, ("f64", "f32"))
+        _arrays.choice("precision", precision, PRECISIONS)
         _arrays.choice("on_diverge", on_diverge, ("freeze", "reset", "raise"))
         _arrays.choice("backend", backend, ("auto", "wide", "scalar"))
         threads = None if threads is None else _arrays.count("threads", threads, 1)
@@ -118,14 +122,17 @@ class Worlds:
         self._nworld = nworld
         self._precision = precision
         self._forced = False
-        choice = dict(
+        self._choice: dict[str, Any] = dict(
             precision=precision,
             backend=backend,
             threads=threads,
             on_diverge=on_diverge,
             max_contacts=max_contacts,
         )
-        self._w = _lanesim.Worlds(model._m, nworld, choice, _pool)
+        self._w = _lanesim.Worlds(model._m, nworld, self._choice, _pool)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_restore, (self._model, self._nworld, self._choice, self.save_state()))
 
     # ---- what it is ----------------------------------------------------------------------------------------------
 
@@ -172,7 +179,11 @@ class Worlds:
     qvel = _field("qvel", "Velocities, [nworld, nv]; m/s, rad/s.")
     act = _field("act", "Activations, [nworld, na].")
     ctrl = _field("ctrl", "Controls, [nworld, nu]; kept from step to step.")
-    qacc_warmstart = _field("qacc_warmstart", "Where the solver starts, [nworld, nv]; m/s^2, rad/s^2.")
+    qacc_warmstart = _field(
+        "qacc_warmstart",
+        "Where the solver starts, [nworld, nv]; m/s^2, rad/s^2: ``qacc - qacc_smooth`` of the last step. MuJoCo's array of "
+        "that name holds ``qacc``; to start from one, set states and controls, then subtract ``get('qacc_smooth')``.",
+    )
     qfrc_applied = _field("qfrc_applied", "Generalised forces from outside, [nworld, nv]; N, N m.")
     xfrc_applied = _field(
         "xfrc_applied",
@@ -234,6 +245,7 @@ class Worlds:
         mask = _arrays.mask_of(mask, self._nworld)
         row = self._row(name)
         array = _arrays.per_world(name, values, self._nworld, row)
+        _arrays.check_range(name, array, self.dtype)
         width = int(np.prod([n for _, n in row]))
         single = array.ndim == len(row) or (array.shape[0] == 1 and self._nworld > 1)
         stride = 0 if single else width
@@ -253,7 +265,7 @@ class Worlds:
             "qfrc_applied": [("nv", m.nv)],
             "xfrc_applied": [("nbody", m.nbody), ("", 6)],
         }
-        if name not in rows:
+        if not isinstance(name, str) or name not in rows:
             raise UnknownNameError(f"there is no field {name} to set; there are {', '.join(rows)}")
         return rows[name]
 
@@ -261,7 +273,7 @@ class Worlds:
     def get(self, name: str, out: NDArray[Any] | None = None) -> NDArray[Any]: ...
     @overload
     def get(self, name: list[str] | tuple[str, ...]) -> dict[str, NDArray[Any]]: ...
-    def get(self, name, out=None):
+    def get(self, name: str | list[str] | tuple[str, ...], out: NDArray[Any] | None = None) -> Any:
         """A field of every world, or several at once as a dict; `lanesim.OUTPUTS` describes them.
 
         State fields are copied; derived ones (``xpos``, ``qM``, ``qacc``, ``contact_dist``, ...) are computed for the
@@ -331,6 +343,8 @@ class Worlds:
         """Puts every world, or those where `mask` ([nworld], bool) is true, into a keyframe (number or name) or into the
         reference configuration, and clears forces from outside, warm start and status."""
         index = None if key is None else self._model._key(key)
+        if index is not None:
+            self.mocap_pos, self.mocap_quat = self._model.key(index)[-2:]  # Which must be where they are.
         self._w.reset(_arrays.mask_of(mask, self._nworld), index)
 
     def save_state(self) -> dict[str, NDArray[Any]]:
@@ -349,7 +363,10 @@ class Worlds:
             dims = [("nworld", self._nworld), *self._row(name)]
             if arrays[name].shape != tuple(n for _, n in dims):
                 raise _arrays.wrong_shape(name, arrays[name].shape, dims)
-        status = np.ascontiguousarray(state["status"], dtype=np.uint32)
+        status = np.asarray(state["status"])
+        if status.dtype.kind not in "ui":
+            raise InputError(f"array `status` has type {status.dtype}; expected uint32")
+        status = np.ascontiguousarray(status, dtype=np.uint32)
         if status.shape != (self._nworld,):
             raise _arrays.wrong_shape("status", status.shape, [("nworld", self._nworld)])
         if self._forced:
@@ -367,3 +384,9 @@ class Worlds:
     def state_hash(self) -> int:
         """64-bit hash of positions and velocities in the order of worlds: equal for equal bits."""
         return self._w.state_hash()
+
+
+def _restore(model: Model, nworld: int, choice: dict[str, Any], state: dict[str, NDArray[Any]]) -> Worlds:
+    worlds = Worlds(model, nworld, **choice)
+    worlds.load_state(state)
+    return worlds

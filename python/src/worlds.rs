@@ -1,5 +1,6 @@
 //! A batch of worlds, shared between threads of the interpreter.
 
+use std::process;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
@@ -26,16 +27,36 @@ pub fn status_bits() -> Vec<(&'static str, u32)> {
     Status::NAMES.iter().map(|(bit, name)| (*name, bit.0)).collect()
 }
 
+/// The process that something was made in. A forked one inherits no threads: it would wait for them for ever.
+#[derive(Clone, Copy)]
+struct Home(u32);
+
+impl Home {
+    fn here() -> Self {
+        Home(process::id())
+    }
+
+    fn check(self, py: Python<'_>) -> PyResult<()> {
+        if self.0 == process::id() {
+            return Ok(());
+        }
+        let text = "made before this process was forked, which has none of its threads: make worlds and pools after a \
+                    fork, or start processes with multiprocessing's \"spawn\" or \"forkserver\"";
+        Err(failure::new(py, "LanesimError", (text,)))
+    }
+}
+
 /// Worker threads.
 #[pyclass(frozen, module = "lanesim._lanesim")]
-pub struct Pool(Arc<lanesim::pool::Pool>);
+pub struct Pool(Arc<lanesim::pool::Pool>, Home);
 
 #[pymethods]
 impl Pool {
     #[new]
     #[pyo3(signature = (threads=None))]
     fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
-        Ok(Pool(Arc::new(lanesim::pool::Pool::new(threads).map_err(|e| raise(py, e))?)))
+        let pool = lanesim::pool::Pool::new(threads).map_err(|e| raise(py, e))?;
+        Ok(Pool(Arc::new(pool), Home::here()))
     }
 
     #[getter]
@@ -81,6 +102,7 @@ pub struct Worlds {
     state: Mutex<State>,
     /// The thread that is using the batch: it may not wait for itself.
     user: Mutex<Option<ThreadId>>,
+    home: Home,
 }
 
 struct State {
@@ -104,6 +126,7 @@ impl Drop for Use<'_> {
 impl Worlds {
     /// Waits for other threads to be done with the batch.
     fn acquire(&self, py: Python<'_>) -> PyResult<Use<'_>> {
+        self.home.check(py)?;
         let me = Some(thread::current().id());
         if *self.user.lock().unwrap_or_else(PoisonError::into_inner) == me {
             let text = "these worlds are being stepped: a progress callback cannot use them";
@@ -128,6 +151,7 @@ impl Worlds {
     #[new]
     #[pyo3(signature = (model, nworld, choice, pool=None))]
     fn new(py: Python<'_>, model: &Model, nworld: usize, choice: Choice, pool: Option<&Pool>) -> PyResult<Self> {
+        pool.map_or(Ok(()), |pool| pool.1.check(py))?;
         let options = choice.options();
         let pool = pool.map(|pool| pool.0.clone());
         let worlds = py.detach(|| match pool {
@@ -135,7 +159,8 @@ impl Worlds {
             None => lanesim::Worlds::new(&model.model, nworld, &options),
         });
         let worlds = worlds.map_err(|e| raise(py, e))?;
-        Ok(Worlds { state: Mutex::new(State { worlds, pace: None }), user: Mutex::new(None) })
+        let state = Mutex::new(State { worlds, pace: None });
+        Ok(Worlds { state, user: Mutex::new(None), home: Home::here() })
     }
 
     /// (threads, worlds per block, lane type, bytes per world, bytes of scratch per thread)

@@ -40,6 +40,9 @@ def test_keyframes(pendulum) -> None:
     key = pendulum.key("up")
     assert (key.name, key.time, key.qpos[0], key.qvel[0], key.ctrl[0]) == ("up", 2.0, 3.14, 0.5, 0.25)
     assert pendulum.key(0).qpos == key.qpos
+    for bad in (0.5, True, -1, 7):
+        with pytest.raises(ValueError, match="key"):
+            pendulum.key(bad)
 
 
 def test_options(pendulum) -> None:
@@ -105,6 +108,8 @@ def test_assets() -> None:
     for content in (arm, arm.encode()):
         model = lanesim.Model.from_xml_string(main, {"arm.xml": content, "picture.png": b"\x89PNG\xff"})
         assert model.nq == 1 and pickle.loads(pickle.dumps(model)).nq == 1
+    with pytest.raises(TypeError, match="assets is a list; expected a dict"):
+        lanesim.Model.from_xml_string(main, ["arm.xml"])
     with pytest.raises(lanesim.ModelError, match="no such file among those given"):
         lanesim.Model.from_xml_string(main)
 

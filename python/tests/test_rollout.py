@@ -140,6 +140,71 @@ def test_warm_start_is_used(ant) -> None:
     np.testing.assert_allclose(state, plain, atol=1e-6)
 
 
+def test_a_warm_start_is_an_acceleration_as_in_mujoco(rng) -> None:
+    """With one iteration, only a start at the solution ends there: which array that is shows what it means."""
+    xml = "<mujoco><worldbody><geom type='plane' size='5 5 .1'/>"
+    for i in range(4):
+        xml += f"<body pos='{i * 0.15} 0 .1'><freejoint/><geom size='.1'/></body>"
+    xml += "</worldbody><actuator/></mujoco>"
+    exact, model = mujoco.MjModel.from_xml_string(xml), lanesim.Model.from_xml_string(xml)
+    data = mujoco.MjData(exact)
+    data.qvel[:] = rng.standard_normal(exact.nv)
+    mujoco.mj_forward(exact, data)
+    start = np.concatenate([[0.0], data.qpos, data.qvel])
+    solved, _ = lanesim.rollout(model, start, nstep=1)
+    hasty = model.replace(iterations=1)
+    warm, _ = lanesim.rollout(hasty, np.tile(start, (3, 1)), nstep=1, initial_warmstart=data.qacc)
+    cold, _ = lanesim.rollout(hasty, start, nstep=1)
+    np.testing.assert_allclose(warm, np.broadcast_to(solved, warm.shape), atol=1e-9)
+    assert np.abs(cold - solved).max() > 1e-4
+    off, _ = lanesim.rollout(model, start, nstep=1, initial_warmstart=rng.standard_normal(exact.nv))
+    np.testing.assert_allclose(off, solved, atol=1e-6)
+
+
+def test_memory_of_results_is_used_again(ant) -> None:
+    start = np.concatenate([[0.0], ant.qpos0, np.zeros(ant.nv)])
+
+    def run() -> np.ndarray:
+        return lanesim.rollout(ant, start, np.zeros((200, 40, ant.nu)))[0]
+
+    lanesim.shutdown_persistent_pool()
+    first = run()
+    kept, view = first.copy(), first[3:5]
+    address = first.ctypes.data
+    del first
+    second = run()
+    assert second.ctypes.data != address, "a view of the first result is still in use"
+    np.testing.assert_array_equal(view, kept[3:5])
+    del view
+    assert run().ctypes.data == address
+    assert second.flags.writeable and second.flags.c_contiguous
+    lanesim.shutdown_persistent_pool()
+    assert not lanesim._reuse._kept
+
+
+def test_results_too_large_for_memory_are_refused(ant) -> None:
+    start = np.concatenate([[0.0], ant.qpos0, np.zeros(ant.nv)])
+    for nstep in (10**13, 2**62):
+        with pytest.raises(lanesim.WorldMemoryError, match="the results would take"):
+            lanesim.rollout(ant, start, nstep=nstep)
+
+
+def test_calls_meant_for_mujoco_say_what_to_change(pendulum) -> None:
+    exact = mujoco.MjModel.from_xml_string(pendulum.__reduce__()[1][1])
+    data = mujoco.MjData(exact)
+    with pytest.raises(TypeError, match="model is a MjModel; expected one lanesim.Model"):
+        lanesim.rollout(exact, np.zeros(3))
+    for given in (data, [data, data]):
+        with pytest.raises(TypeError, match="is not needed here"):
+            lanesim.rollout(pendulum, given, np.zeros((1, 3)))
+
+
+def test_results_cannot_overwrite_the_controls(pendulum) -> None:
+    memory = np.zeros(60)
+    with pytest.raises(lanesim.InputError, match="overlaps `control`"):
+        lanesim.rollout(pendulum, np.zeros(3), memory[:20].reshape(2, 10, 1), state=memory.reshape(2, 10, 3))
+
+
 def test_single_precision(ant) -> None:
     start = np.concatenate([[0.0], ant.qpos0, np.zeros(ant.nv)])
     exact, _ = lanesim.rollout(ant, start, nstep=20)
@@ -161,6 +226,11 @@ def test_single_precision(ant) -> None:
         ({"control_spec": 1}, "not built yet"),
         ({"control": np.zeros((1, 1, 1, 1))}, "at most 3 dimensions"),
         ({"outputs": ["xqos"]}, "there is no output xqos"),
+        ({"outputs": "qpos"}, "outputs is a str; expected a list of names"),
+        ({"initial_state": np.zeros((0, 3))}, "nbatch is 0; expected at least 1"),
+        ({"nthread": [1], "persistent_pool": True}, "nthread is .1.; expected a whole number"),
+        ({"nthread": 10**6}, "threads is 1000000; expected at most 1024"),
+        ({"precision": ["f64"], "persistent_pool": True}, "precision is"),
     ],
 )
 def test_bad_input(pendulum, arguments, text) -> None:

@@ -123,6 +123,38 @@ def test_ctrl_c_stops_a_long_run(what) -> None:
     assert float(done.stdout.split()[-1]) < 20
 
 
+FORKED = """
+import os, signal, sys
+import lanesim, numpy as np
+
+model = lanesim.Model.from_xml_path(sys.argv[1])
+start = np.concatenate([[0.0], model.qpos0, np.zeros(model.nv)])
+worlds, pool = lanesim.Worlds(model, 8), lanesim.Rollout()
+before = lanesim.rollout(model, start, nstep=3, persistent_pool=True)[0]
+child = os.fork()
+if child == 0:
+    signal.alarm(30)
+    for use in (worlds.step, lambda: pool.rollout(model, start)):
+        try:
+            use()
+            os._exit(1)
+        except lanesim.LanesimError as error:
+            assert "forked" in str(error)
+    lanesim.Worlds(model, 8).step(3)
+    again = lanesim.rollout(model, start, nstep=3, persistent_pool=True)[0]
+    os._exit(0 if (again == before).all() else 2)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+worlds.step()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_forked_process_does_not_wait_for_threads_it_lacks() -> None:
+    model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "ant.xml"
+    done = subprocess.run([sys.executable, "-c", FORKED, str(model)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and done.stdout.split() == ["0"], (done.stdout, done.stderr)
+
+
 LEAK = """
 import gc, resource, sys
 import lanesim, numpy as np

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import lanesim
 import numpy as np
 import pytest
@@ -79,7 +82,10 @@ def test_bad_arguments(ant) -> None:
         {"nworld": 0},
         {"nworld": 2.5},
         {"nworld": True},
+        {"nworld": 10**30},
         {"nworld": 2, "threads": 0},
+        {"nworld": 2, "threads": 10**6},
+        {"nworld": 2, "precision": ["f64", "f32"]},
         {"nworld": 2, "precision": "f16"},
         {"nworld": 2, "on_diverge": "explode"},
     ):
@@ -102,6 +108,19 @@ def test_bad_arguments(ant) -> None:
         lanesim.Worlds("ant.xml", 3)
     with pytest.raises(MemoryError, match="bytes of memory, which the system does not give"):
         lanesim.Worlds(ant, 1 << 45)
+
+
+def test_misspelt_fields_are_noticed(ant) -> None:
+    with pytest.raises(AttributeError, match="qpso"):
+        lanesim.Worlds(ant, 2).qpso = ant.qpos0
+
+
+def test_numbers_too_large_for_single_precision(ant) -> None:
+    worlds = lanesim.Worlds(ant, 2, "f32")
+    for sign in (1.0, -1.0):
+        with pytest.raises(lanesim.InputError, match="number of size 1.0e.300; float32 has none above 3.4e.38"):
+            worlds.qvel = np.full(ant.nv, sign * 1e300)
+    worlds.qvel = np.full(ant.nv, 1.0)
 
 
 def test_what_is_read_cannot_be_written_by_mistake(ant) -> None:
@@ -157,6 +176,27 @@ def test_saved_states_go_on_with_the_same_bits(ant, rng, precision, tmp_path) ->
         worlds.load_state({k: v for k, v in plain.items() if k != "qvel"})
     with pytest.raises(lanesim.InputError, match=r"expected \[nworld=11, nq=15\]"):
         worlds.load_state({**plain, "qpos": plain["qpos"][:3]})
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda worlds: pickle.loads(pickle.dumps(worlds))])
+def test_copies_and_pickles_go_on_with_the_same_bits(ant, rng, again) -> None:
+    worlds = lanesim.Worlds(ant, 11, "f32", 1, max_contacts=7)
+    worlds.ctrl = rng.uniform(-1, 1, (11, ant.nu))
+    worlds.xfrc_applied = rng.standard_normal((11, ant.nbody, 6))
+    worlds.step(30)
+    other = again(worlds)
+    assert (other.precision, other.threads, other.time[0]) == ("f32", 1, worlds.time[0])
+    worlds.step(30)
+    assert other.state_hash() != worlds.state_hash(), "a copy has worlds of its own"
+    other.step(30)
+    assert other.state_hash() == worlds.state_hash()
+
+
+@pytest.mark.parametrize("status", ["abc", [0.5, 0.0, 0.0], None])
+def test_bad_statuses_are_not_loaded(ant, status) -> None:
+    worlds = lanesim.Worlds(ant, 3)
+    with pytest.raises(lanesim.InputError, match="array `status` has type"):
+        worlds.load_state({**worlds.save_state(), "status": status})
 
 
 def test_get_writes_to_given_arrays(ant) -> None:
@@ -233,6 +273,17 @@ def test_mocap_bodies_stand_still() -> None:
     worlds.mocap_quat = worlds.mocap_quat
     with pytest.raises(lanesim.UnsupportedError, match="not built yet"):
         worlds.mocap_pos = np.zeros((3, 1, 3))
+    keys = "<keyframe><key/><key mpos='1 2 4'/></keyframe></mujoco>"
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(xml.replace("</mujoco>", keys)), 3)
+    worlds.reset(key=0)
+    with pytest.raises(lanesim.UnsupportedError, match="not built yet"):
+        worlds.reset(key=1)
+
+
+def test_absent_quantities_have_no_columns(ant) -> None:
+    worlds = lanesim.Worlds(ant, 3)
+    assert (worlds.act.shape, worlds.mocap_pos.shape, worlds.mocap_quat.shape) == ((3, 0), (3, 0, 3), (3, 0, 4))
+    worlds.act, worlds.mocap_pos, worlds.mocap_quat = worlds.act, worlds.mocap_pos, worlds.mocap_quat
 
 
 def test_unsupported_integrators_say_so(pendulum) -> None:

@@ -95,7 +95,7 @@ const TABLE: [(&str, Kind, &str); 61] = [
     ("qvel", Kind::State(Field::Qvel), "velocities"),
     ("act", Kind::State(Field::Act), "activations"),
     ("ctrl", Kind::State(Field::Ctrl), "controls"),
-    ("qacc_warmstart", Kind::State(Field::QaccWarmstart), "start of the solver"),
+    ("qacc_warmstart", Kind::State(Field::QaccWarmstart), "start of the solver: qacc - qacc_smooth of the last step"),
     ("qfrc_applied", Kind::State(Field::QfrcApplied), "generalised forces from outside"),
     ("xfrc_applied", Kind::State(Field::XfrcApplied), "forces and torques on bodies from outside"),
     ("state", Kind::FullPhysics, "time, qpos, qvel and act in one row"),
