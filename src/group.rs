@@ -230,3 +230,43 @@ impl<L: LaneQuery> Group<L> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use wide::f64x8;
+
+    use super::*;
+    use crate::model::Model as Compiled;
+
+    /// A ball above a floor, in worlds of which every other one lies on it.
+    #[test]
+    fn worlds_with_the_same_contacts_come_together() {
+        let text = "<mujoco><worldbody><geom type='plane' size='1 1 1'/>
+            <body><freejoint/><geom size='.1'/></body></worldbody></mujoco>";
+        let model = Compiled::from_xml_string(text, &Default::default()).expect("a model");
+        let tables = model.tables();
+        let mut group = Group::<f64x8>::new(tables, 2);
+        let len = state_len::<f64x8>(&tables.sizes);
+        let (mut states, mut kept) = (vec![f64x8::splat(0.0); 2 * len], vec![Kept::default(), Kept::default()]);
+        for (b, states) in states.chunks_mut(len).enumerate() {
+            (0..8).for_each(|lane| states[0].set(lane, (8 * b + lane) as f64));
+        }
+        let before = states.clone();
+        group.load(&states, &mut kept, 13);
+        for seen in group.seen.iter_mut().step_by(2) {
+            *seen = Seen { slots: [0; SEEN], len: 1 };
+        }
+        group.sort();
+        assert_eq!(group.blocks()[0].ids, [0, 2, 4, 6, 8, 10, 12, 1]);
+        assert_eq!(group.blocks()[1].ids, [3, 5, 7, 9, 11]);
+        // Time is the first field of a state.
+        let time =
+            |block: &Block<f64x8>| block.ids.iter().enumerate().all(|(l, id)| block.state.time[0].get(l) == *id as f64);
+        assert!(group.blocks().iter().all(time));
+        group.store(&mut states, &mut kept);
+        for world in 0..13 {
+            let at = |states: &[f64x8]| states[world / 8 * len].get(world % 8);
+            assert_eq!(at(&states), at(&before));
+        }
+    }
+}

@@ -221,6 +221,75 @@ fn every_solver_and_cone() {
     }
 }
 
+/// Systems whose bodies touch in heaps: large islands, and far more dofs than a tree has.
+#[test]
+fn large_islands() {
+    let ids: Vec<usize> = (0..DIFFERENT).collect();
+    for (name, dofs) in [("zoo/balls_in_box", 120), ("zoo/capsule_pile", 72), ("zoo/box_stack", 30)] {
+        for cone in ["pyramidal", "elliptic"] {
+            let model = load_with(name, &[("cone", cone)]);
+            assert_eq!(model.tables().sizes.nv, dofs, "{name}");
+            for precision in PRECISIONS {
+                let alone = run(&model, &ids, SHORT, &options(precision, Backend::Scalar, 2));
+                let got = run(&model, &ids, SHORT, &options(precision, Backend::Wide, 2));
+                assert_same(&format!("{name} {cone} {precision:?}"), &ids, &got, &alone);
+            }
+        }
+    }
+}
+
+/// Worlds with more contacts than they may have leave out their own, whatever their neighbours have.
+#[test]
+fn overflowing_worlds() {
+    let ids: Vec<usize> = (0..DIFFERENT).collect();
+    for (name, most) in [("zoo/balls_in_box", 7), ("zoo/humanoid27", 2)] {
+        let model = load(name);
+        for precision in PRECISIONS {
+            let options = |backend| Options { max_contacts: most, ..options(precision, backend, 1) };
+            let alone = run(&model, &ids, SHORT, &options(Backend::Scalar));
+            let got = run(&model, &ids, SHORT, &options(Backend::Wide));
+            assert_same(&format!("{name} {precision:?} of at most {most} contacts"), &ids, &got, &alone);
+            let status = |world: &Vec<u64>| Status(f64::from_bits(*world.last().expect("a status")) as u32);
+            let over = got.iter().filter(|world| status(world).contains(Status::CONTACT_OVERFLOW)).count();
+            assert!(over > 0, "{name}: no world had more than {most} contacts");
+        }
+    }
+}
+
+/// A batch large enough that worlds change places between blocks, with forces from outside and worlds that are lost on the
+/// way: every world's outputs, status and detail are its own.
+#[test]
+fn worlds_that_change_places() {
+    const WORLDS: usize = 300;
+    let model = load("zoo/ant");
+    let nbody = model.tables().sizes.nbody;
+    let ids: Vec<usize> = (0..WORLDS).collect();
+    for precision in PRECISIONS {
+        let prepare = |options: &Options| {
+            let mut worlds = batch(&model, &ids, options);
+            for world in 0..WORLDS {
+                let mut forces = vec![0.0; 6 * nbody];
+                forces[6] = if world % 37 == 5 { 1e9 } else { (world % 7) as f64 };
+                worlds.set(Field::XfrcApplied, world, &forces).expect("forces");
+            }
+            worlds
+        };
+        let mut alone = prepare(&options(precision, Backend::Scalar, 2));
+        let mut many = prepare(&options(precision, Backend::Wide, 1));
+        let noise = Controls::Noise { seed: 3 };
+        let (expected, got) = (record(&mut alone, 2 * SHORT, noise), record(&mut many, 2 * SHORT, noise));
+        assert_same(&format!("{precision:?} grouped"), &ids, &got, &expected);
+        assert!(many.lost() > 5, "only {} worlds were lost", many.lost());
+        for world in 0..WORLDS {
+            let [a, b] = [&many, &alone].map(|worlds| worlds.status_detail(world).expect("a status"));
+            assert_eq!(a, b, "{precision:?} world {world}");
+        }
+        for (field, name) in Field::ALL {
+            assert_eq!(bits(&many.get_all(field)), bits(&alone.get_all(field)), "{precision:?} {name}");
+        }
+    }
+}
+
 #[test]
 fn steps_one_by_one_are_a_rollout() {
     let model = load("zoo/humanoid27");
