@@ -367,11 +367,19 @@ impl<'a> Allocator<'a> {
         let replaced = replaced.or_else(|| [c, a, b].into_iter().find(|x| !self.is_in_register(*x))).unwrap_or(c);
         // What else is read; with equal factors the other one is the same.
         let (form, second, third) = if replaced == c {
-            let (x, y) = if self.is_in_register(a) || !self.is_in_register(b) && !self.prefers_memory(a, b) { (a, b) } else { (b, a) };
+            let (x, y) = if self.is_in_register(a) || !self.is_in_register(b) && !self.prefers_memory(a, b) {
+                (a, b)
+            } else {
+                (b, a)
+            };
             (Form::F231, x, y)
         } else {
             let factor = if replaced == a { b } else { a };
-            if self.is_in_register(c) && !self.is_in_register(factor) { (Form::F132, c, factor) } else { (Form::F213, factor, c) }
+            if self.is_in_register(c) && !self.is_in_register(factor) {
+                (Form::F132, c, factor)
+            } else {
+                (Form::F213, factor, c)
+            }
         };
         let own = dies(self, replaced);
         // A copy that is read from memory is of no use to an operand that is the same value: it wants a register.

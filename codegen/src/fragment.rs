@@ -161,7 +161,13 @@ impl<T: Float> Fragment<T> {
     ///
     /// If the number of fields or masks, or a field's kind or length, differs from what was recorded, or a field that is
     /// written was lent for reading only.
-    pub fn run(&self, scratch: &mut Scratch, fields: &mut [FieldSlice<'_, T>], masks_in: &[u32], masks_out: &mut [u32]) {
+    pub fn run(
+        &self,
+        scratch: &mut Scratch,
+        fields: &mut [FieldSlice<'_, T>],
+        masks_in: &[u32],
+        masks_out: &mut [u32],
+    ) {
         self.check(fields, masks_in, masks_out);
         scratch.reserve(self);
         let isa = self.statistics.isa;

@@ -135,7 +135,8 @@ impl Lowered {
             }
         }
         // Constants and inputs are stored at the end, equal ones together.
-        let mut pending: Vec<(u32, Item)> = self.stores.iter().zip(after).map(|(s, at)| (at, Item::Store(*s))).collect();
+        let mut pending: Vec<(u32, Item)> =
+            self.stores.iter().zip(after).map(|(s, at)| (at, Item::Store(*s))).collect();
         for (index, mask) in self.masks_out.iter().enumerate() {
             if let MaskOutput::Value(value) = *mask {
                 pending.push((position[value as usize], Item::StoreMask { value, index: index as u32 }));

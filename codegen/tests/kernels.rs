@@ -91,7 +91,8 @@ fn inputs<L: LaneQuery>(model: &Tables<L::Real>, random: &mut Random) -> [Vec<L>
             .iter()
             .map(|c| {
                 let mut lane = L::zero();
-                (0..L::WIDTH).for_each(|i| lane.set(i, L::Real::from_f64(c.to_f64() + random.uniform(-spread, spread))));
+                (0..L::WIDTH)
+                    .for_each(|i| lane.set(i, L::Real::from_f64(c.to_f64() + random.uniform(-spread, spread))));
                 lane
             })
             .collect()
@@ -127,7 +128,8 @@ fn check<T: Float>(name: &str, tables: &Tables<T>) {
     for (isa, all) in instruction_sets().into_iter().flat_map(|isa| [(isa, true), (isa, false)]) {
         let program = record(tables, all);
         let fragment = program.compile(isa).unwrap();
-        let mut got: Vec<Vec<T::Block>> = expected.fields(all).iter().map(|f| vec![T::Block::of(7.0); f.len()]).collect();
+        let mut got: Vec<Vec<T::Block>> =
+            expected.fields(all).iter().map(|f| vec![T::Block::of(7.0); f.len()]).collect();
         let singular = run(&fragment, &mut Scratch::new(), &inputs, &mut got);
         let what = format!("{name} {} {:?} all {all}", isa.name(), T::PRECISION);
         assert_eq!(singular, T::Block::bits(expected.singular), "{what}: singular");
@@ -137,14 +139,32 @@ fn check<T: Float>(name: &str, tables: &Tables<T>) {
         let s = fragment.statistics();
         println!(
             "{what}: {} nodes, {} operations, {} instructions, {} spills, {} reloads, {} slots, {} bytes, {:?}, {:?}",
-            program.nodes(), s.total_operations(), s.instructions, s.spills, s.reloads, s.slots, s.bytes, s.order, s.compile_time
+            program.nodes(),
+            s.total_operations(),
+            s.instructions,
+            s.spills,
+            s.reloads,
+            s.slots,
+            s.bytes,
+            s.order,
+            s.compile_time
         );
     }
 }
 
 #[test]
 fn smooth_dynamics() {
-    for name in ["humanoid18", "humanoid27", "humanoid29", "hand32", "chain31", "isolated34", "quadruped", "arm", "balls_in_box"] {
+    for name in [
+        "humanoid18",
+        "humanoid27",
+        "humanoid29",
+        "hand32",
+        "chain31",
+        "isolated34",
+        "quadruped",
+        "arm",
+        "balls_in_box",
+    ] {
         let model = load(name);
         check::<f64>(name, model.tables());
         check::<f32>(name, &model.tables().cast());
@@ -164,10 +184,10 @@ fn speed() {
 fn measure<T: Float>(name: &str, tables: &Tables<T>) {
     let inputs = inputs::<T::Block>(tables, &mut Random::new(5));
     let time = |f: &mut dyn FnMut()| {
-        let best = (0..5).map(|_| {
+        let best = (0..100).map(|_| {
             let start = std::time::Instant::now();
-            (0..2000).for_each(|_| f());
-            start.elapsed().as_secs_f64() / 2000.0
+            (0..100).for_each(|_| f());
+            start.elapsed().as_secs_f64() / 100.0
         });
         best.fold(f64::MAX, f64::min) * 1e9 / T::Block::WIDTH as f64
     };
@@ -177,13 +197,18 @@ fn measure<T: Float>(name: &str, tables: &Tables<T>) {
     for isa in instruction_sets() {
         let program = record(tables, false);
         let fragment = program.compile(isa).unwrap();
-        let mut out = vec![vec![T::Block::zero(); tables.sizes.nv]];
+        let mut out = vec![T::Block::zero(); tables.sizes.nv];
         let mut scratch = Scratch::new();
-        let ns = time(&mut || {
-            run(&fragment, &mut scratch, &inputs, &mut out);
-        });
+        let mut fields: Vec<FieldSlice<'_, T>> = inputs.iter().map(|x| FieldSlice::read(x)).collect();
+        fields.push(FieldSlice::write(&mut out));
+        let mut singular = [0];
+        let ns = time(&mut || fragment.run(&mut scratch, &mut fields, &[], &mut singular));
+        let compile = (0..20).map(|_| program.compile(isa).unwrap().statistics().compile_time).min().unwrap();
         let s = fragment.statistics();
         let operations = s.total_operations();
-        println!("{name} {:?} {}: {ns:.1} ns/world, {:.2} M/s, {operations} ops, {} instr, {} spills, {} reloads, {} bytes, {:?} {:?}; {:?}", T::PRECISION, isa.name(), 1e3/ns, s.instructions, s.spills, s.reloads, s.bytes, s.order, s.compile_time, s.operations);
+        println!(
+            "{name} {:?} {}: {ns:.1} ns/world, {:.2} M/s, {operations} ops, {} instr, {} spills, {} reloads, {} bytes, {:?} {:?}",
+            T::PRECISION, isa.name(), 1e3 / ns, s.instructions, s.spills, s.reloads, s.bytes, s.order, compile
+        );
     }
 }

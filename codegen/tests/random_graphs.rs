@@ -5,7 +5,7 @@
 mod support;
 
 use lanesim_codegen::{FieldSlice, Float, Recorder, Recording, Scratch};
-use lanesim_kernels::lane::{Lane, LaneQuery, Mask, Real as _, Scalar};
+use lanesim_kernels::lane::{Lane, LaneQuery, Mask, Scalar};
 use support::{Random, instruction_sets, same};
 
 /// An operation on values and masks that there are already, by index.
@@ -84,7 +84,12 @@ fn graph(random: &mut Random, kind: Kind) -> Graph {
 }
 
 /// All values and masks of the program; `tame` hears every value, and every divisor.
-fn evaluate<L: Lane>(graph: &Graph, leaves: &[L], masks: &[L::Mask], hear: &mut dyn FnMut(L, bool)) -> (Vec<L>, Vec<L::Mask>) {
+fn evaluate<L: Lane>(
+    graph: &Graph,
+    leaves: &[L],
+    masks: &[L::Mask],
+    hear: &mut dyn FnMut(L, bool),
+) -> (Vec<L>, Vec<L::Mask>) {
     let (mut v, mut m) = (leaves.to_vec(), masks.to_vec());
     for step in &graph.steps {
         let value = match *step {
@@ -177,7 +182,12 @@ fn stored<L: LaneQuery>(graph: &Graph, (v, m): &(Vec<L>, Vec<L::Mask>)) -> Store
 }
 
 /// One lane over scalars, and whether the comparison is fair there.
-fn reference<T: Float + LaneQuery<Mask = bool>>(graph: &Graph, data: &Data<T>, lane: usize, kind: Kind) -> (Stored<T>, bool) {
+fn reference<T: Float + LaneQuery<Mask = bool>>(
+    graph: &Graph,
+    data: &Data<T>,
+    lane: usize,
+    kind: Kind,
+) -> (Stored<T>, bool) {
     let leaves: Vec<T> = data.lanes.iter().map(|l| l.get(lane)).chain(data.uniforms.iter().copied()).collect();
     let masks: Vec<bool> = data.masks.iter().map(|m| m >> lane & 1 != 0).collect();
     let mut fair = true;

@@ -119,7 +119,8 @@ impl Emitter<'_> {
         match *instruction {
             Instruction::Load { class: Class::Vector, to, from } => self.load(to, from),
             Instruction::Load { class: Class::Mask, to, from } => {
-                let code = if matches!(from, Place::MaskWord(_)) { self.code(Op::MaskInput) } else { Code::VEX_Kmovw_kr_km16 };
+                let code =
+                    if matches!(from, Place::MaskWord(_)) { self.code(Op::MaskInput) } else { Code::VEX_Kmovw_kr_km16 };
                 let memory = self.memory(from)?;
                 self.put(Native::with2(code, self.mask(to), memory)?)
             }
@@ -224,7 +225,13 @@ impl Emitter<'_> {
     }
 
     /// An instruction of two registers and an operand that may be in memory.
-    fn three(&mut self, code: Code, to: Register, left: Register, right: Source) -> Result<Native, iced_x86::IcedError> {
+    fn three(
+        &mut self,
+        code: Code,
+        to: Register,
+        left: Register,
+        right: Source,
+    ) -> Result<Native, iced_x86::IcedError> {
         match right {
             Source::Register(right) => Native::with3(code, to, left, self.vector(right)),
             Source::Memory(place) => Native::with3(code, to, left, self.memory(place)?),
