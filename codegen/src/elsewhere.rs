@@ -4,7 +4,7 @@ use crate::allocate::Allocated;
 use crate::error::CompileError;
 use crate::float::Precision;
 use crate::isa::InstructionSet;
-use crate::recording::FieldUse;
+use crate::layout::Bindings;
 
 #[allow(missing_docs)]
 pub(crate) struct Arguments {
@@ -22,7 +22,7 @@ pub(crate) struct Code {
 }
 
 impl Code {
-    pub fn new(_: &Allocated, _: &[FieldUse], _: InstructionSet, _: Precision) -> Result<Self, CompileError> {
+    pub fn new(_: &Allocated, _: Bindings<'_>, _: InstructionSet, _: Precision) -> Result<Self, CompileError> {
         Err(CompileError::Platform)
     }
 

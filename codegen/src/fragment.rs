@@ -8,7 +8,7 @@ use crate::allocate::allocate;
 use crate::error::CompileError;
 use crate::float::{BLOCK_BYTES, Float};
 use crate::isa::InstructionSet;
-use crate::layout::{bias, constant_bias, constant_bytes, field_step};
+use crate::layout::{Bindings, bias, constant_bias, constant_bytes, field_step};
 use crate::lower::{MaskOutput, lower};
 use crate::native::{Arguments, Code};
 use crate::recording::{FieldKind, FieldUse, Program};
@@ -117,7 +117,9 @@ impl<T: Float> Program<T> {
         let precision = T::PRECISION;
         let lowered = lower(self, isa);
         let allocated = allocate(&lowered, isa);
-        let code = Code::new(&allocated, &self.fields, isa, precision)?;
+        let (masks_in, masks_out) = self.masks();
+        let bindings = Bindings { fields: &self.fields, masks_in, masks_out };
+        let code = Code::new(&allocated, bindings, isa, precision)?;
         let bytes = constant_bytes(&allocated.constants, isa, precision);
         let constants = bytes.chunks(BLOCK_BYTES).map(|chunk| {
             let mut block = ZEROS;
@@ -144,7 +146,7 @@ impl<T: Float> Program<T> {
         Ok(Fragment {
             constants: constants.collect(),
             fields: self.fields.clone(),
-            masks_in: self.masks_in,
+            masks_in,
             masks_out: lowered.masks_out,
             slot_blocks: (allocated.slots as usize * isa.vector_bytes()).div_ceil(BLOCK_BYTES),
             statistics,

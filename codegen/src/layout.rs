@@ -2,7 +2,17 @@
 
 use crate::float::{BLOCK_BYTES, Precision};
 use crate::isa::InstructionSet;
-use crate::recording::FieldKind;
+use crate::recording::{FieldKind, FieldUse};
+
+/// What the caller of the code has lengths for.
+#[derive(Clone, Copy)]
+pub(crate) struct Bindings<'a> {
+    pub fields: &'a [FieldUse],
+    /// Number of masks given.
+    pub masks_in: usize,
+    /// Number of masks returned.
+    pub masks_out: usize,
+}
 
 /// Distance from the start of a field, the slots or the constants to the address that code is given, bytes.
 pub(crate) fn bias(isa: InstructionSet, step: usize) -> usize {

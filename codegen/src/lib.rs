@@ -66,6 +66,9 @@
 //! A fragment is one basic block. What depends on values - iterations of a solver, skipping stages that no world needs -
 //! is between fragments: they return masks as bits for that.
 
+// Where there is no code, there is nothing that reads the instructions for it.
+#![cfg_attr(not(all(target_arch = "x86_64", unix)), allow(dead_code))]
+
 mod allocate;
 #[cfg(all(target_arch = "x86_64", unix))]
 mod emit;

@@ -7,8 +7,8 @@ use crate::emit::emit;
 use crate::error::CompileError;
 use crate::float::Precision;
 use crate::isa::InstructionSet;
+use crate::layout::Bindings;
 use crate::memory::ExecutableMemory;
-use crate::recording::FieldUse;
 
 /// Addresses for a run of the code, as `emit` describes them.
 pub(crate) struct Arguments {
@@ -32,11 +32,11 @@ impl Code {
     /// Encodes the instructions for this machine, which has the instruction set.
     pub fn new(
         allocated: &Allocated,
-        fields: &[FieldUse],
+        bindings: Bindings<'_>,
         isa: InstructionSet,
         precision: Precision,
     ) -> Result<Self, CompileError> {
-        let emitted = emit(allocated, fields, isa, precision)?;
+        let emitted = emit(allocated, bindings, isa, precision)?;
         Ok(Code { memory: ExecutableMemory::new(&emitted.code)?, instructions: emitted.instructions })
     }
 

@@ -4,7 +4,7 @@ mod support;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use lanesim_codegen::{FieldSlice, Op, Program, Recorder, Recording, Scratch};
+use lanesim_codegen::{FieldSlice, Fragment, Op, Program, Recorder, Recording, Scratch};
 use lanesim_kernels::lane::{Lane, LaneQuery, Mask, exp, log};
 use support::{assert_same, instruction_sets};
 use wide::{f32x16, f64x8};
@@ -12,6 +12,12 @@ use wide::{f32x16, f64x8};
 fn ramp(n: usize) -> Vec<f64x8> {
     (0..n).map(|i| f64x8::from(std::array::from_fn(|lane| (10 * i + lane) as f64 + 0.5))).collect()
 }
+
+/// Threads share what is compiled, and each has a scratch of its own.
+const _: fn() = || {
+    fn shared<T: Send + Sync>() {}
+    shared::<(Program<f64>, Fragment<f32>, Scratch)>();
+};
 
 fn record(f: impl FnOnce(&mut Recording<f64>)) -> Program<f64> {
     let mut recording = Recording::new();

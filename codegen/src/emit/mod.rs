@@ -15,9 +15,9 @@ use crate::error::CompileError;
 use crate::float::Precision;
 use crate::graph::Op;
 use crate::isa::InstructionSet;
-use crate::layout::{bias, constant_step, field_step};
+use crate::layout::{Bindings, bias, constant_step, field_step};
 use crate::machine::{Class, Instruction, Place, Source};
-use crate::recording::{FieldKind, FieldUse};
+use crate::recording::FieldKind;
 
 const FIELDS: Register = Register::RDI;
 const CONSTANTS: Register = Register::RSI;
@@ -39,11 +39,11 @@ pub(crate) struct Emitted {
 /// Encodes a fragment.
 pub(crate) fn emit(
     allocated: &Allocated,
-    fields: &[FieldUse],
+    bindings: Bindings<'_>,
     isa: InstructionSet,
     precision: Precision,
 ) -> Result<Emitted, CompileError> {
-    let sizes = fields.iter().map(|field| field.len * field_step(field.kind, precision));
+    let sizes = bindings.fields.iter().map(|field| field.len * field_step(field.kind, precision));
     let slots = allocated.slots as usize * isa.vector_bytes();
     let constants = (allocated.constants.len() + 1) * constant_step(isa, precision);
     if sizes.chain([slots, constants]).any(|size| size >= REACH) {
@@ -54,7 +54,7 @@ pub(crate) fn emit(
         count: 0,
         isa,
         precision,
-        fields,
+        bindings,
         constants: allocated.constants.len() as u32,
         slots: allocated.slots,
         bases: Bases::new(&[]),
@@ -72,7 +72,7 @@ struct Emitter<'a> {
     count: usize,
     isa: InstructionSet,
     precision: Precision,
-    fields: &'a [FieldUse],
+    bindings: Bindings<'a>,
     constants: u32,
     slots: u32,
     bases: Bases,
@@ -198,6 +198,7 @@ impl Emitter<'_> {
     }
 
     fn store_mask_word(&mut self, from: u8, index: u32) -> Encoded {
+        assert!((index as usize) < self.bindings.masks_out, "mask {index} of {}", self.bindings.masks_out);
         let word = MemoryOperand::with_base_displ(MASKS_OUT, 4 * i64::from(index));
         if self.isa.has_mask_registers() {
             let native = Native::with2(Code::VEX_Kmovd_m32_kr, word, self.mask(from))?;
@@ -285,7 +286,7 @@ impl Emitter<'_> {
 
     /// Entries of a field that one address serves. Without scaled displacements more addresses would save nothing.
     fn stretch_len(&self, field: u32) -> u32 {
-        let step = field_step(self.fields[field as usize].kind, self.precision);
+        let step = field_step(self.bindings.fields[field as usize].kind, self.precision);
         match self.isa {
             InstructionSet::Avx2 => u32::MAX,
             InstructionSet::Avx512 => (2 * bias(self.isa, step) / step) as u32,
@@ -312,14 +313,17 @@ impl Emitter<'_> {
                 let broadcast = self.isa.has_broadcast_operands();
                 (CONSTANTS, index as i64 * step as i64 - bias(self.isa, step) as i64, broadcast)
             }
-            Place::MaskWord(index) => (MASKS_IN, 4 * i64::from(index), false),
+            Place::MaskWord(index) => {
+                assert!((index as usize) < self.bindings.masks_in, "mask {index} of {}", self.bindings.masks_in);
+                (MASKS_IN, 4 * i64::from(index), false)
+            }
         };
         Ok(MemoryOperand { is_broadcast: broadcast, ..MemoryOperand::with_base_displ(base, offset) })
     }
 
     /// Register, displacement and broadcast for an entry of a field.
     fn entry(&mut self, field: u32, entry: u32, kind: FieldKind) -> Result<(Register, i64, bool), iced_x86::IcedError> {
-        let bound = self.fields[field as usize];
+        let bound = self.bindings.fields[field as usize];
         assert!(bound.kind == kind && (entry as usize) < bound.len, "entry {entry} of field {field}, {bound:?}");
         let step = field_step(kind, self.precision);
         let stretch = entry / self.stretch_len(field);
