@@ -46,6 +46,11 @@ impl<'a, T: Float> FieldSlice<'a, T> {
         Self::new(numbers.as_ptr().cast_mut().cast(), numbers.len(), FieldKind::Uniform, false)
     }
 
+    /// A field of length 0, for a number that no field was bound to.
+    pub fn unused() -> Self {
+        Self::read(&[])
+    }
+
     fn new(start: *mut u8, len: usize, kind: FieldKind, writable: bool) -> Self {
         FieldSlice { start, len, kind, writable, borrowed: PhantomData }
     }
@@ -241,9 +246,8 @@ impl<T: Float> Fragment<T> {
     }
 }
 
-impl<T: Float> FieldSlice<'_, T> {
-    /// A field of length 0, for a number that no field was bound to.
-    pub fn unused() -> Self {
-        Self::read(&[])
+impl<T> std::fmt::Debug for Fragment<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Fragment").field("statistics", &self.statistics).finish_non_exhaustive()
     }
 }

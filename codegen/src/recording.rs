@@ -172,3 +172,9 @@ impl<T: Float> Program<T> {
         self.graph.nodes.len()
     }
 }
+
+impl<T> std::fmt::Debug for Program<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Program").field("nodes", &self.graph.nodes.len()).finish_non_exhaustive()
+    }
+}

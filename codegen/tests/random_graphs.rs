@@ -267,7 +267,7 @@ fn setting(name: &str, default: u64) -> u64 {
 }
 
 fn random_graphs<T: Float + LaneQuery<Mask = bool> + Scalar>(kind: Kind) {
-    let count = setting("LANESIM_FUZZ_GRAPHS", if cfg!(debug_assertions) { 500 } else { 10_000 });
+    let count = setting("LANESIM_FUZZ_GRAPHS", 10_000);
     let mut scratch = Scratch::new();
     let mut compared = 0;
     for i in 0..count {

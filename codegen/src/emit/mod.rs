@@ -1,7 +1,7 @@
 //! Encoding of instructions, for every instruction set and precision.
 //!
 //! The code is a System V function of the table of field addresses, the constants, the scratch slots, the masks given and
-//! the masks returned. All addresses but those of masks point [`bias`](crate::layout::bias) bytes ahead, so that short displacements reach twice
+//! the masks returned. All addresses but those of masks point [`bias`] bytes ahead, so that short displacements reach twice
 //! as far. With AVX2 it computes the half of a block that the field addresses point to.
 
 mod bases;
