@@ -180,7 +180,6 @@ impl<T: Float> Fragment<T> {
         let isa = self.statistics.isa;
         let runs = BLOCK_BYTES / isa.vector_bytes();
         let lanes = T::PRECISION.lanes() / runs;
-        masks_out.fill(0);
         for run in 0..runs {
             for ((address, field), bound) in scratch.fields.iter_mut().zip(&*fields).zip(&self.fields) {
                 let part = if bound.kind == FieldKind::Lanes { run * isa.vector_bytes() } else { 0 };
@@ -222,8 +221,9 @@ impl<T: Float> Fragment<T> {
     /// Adds the masks that a run returned, whose first lane is `first`.
     fn collect_masks(&self, words: &[u32], first: usize, masks_out: &mut [u32]) {
         for ((out, word), mask) in masks_out.iter_mut().zip(words).zip(&self.masks_out) {
-            *out |= match mask {
-                MaskOutput::Value(_) => word << first,
+            let before = if first == 0 { 0 } else { *out };
+            *out = match mask {
+                MaskOutput::Value(_) => before | word << first,
                 MaskOutput::Known(true) => ((1_u64 << T::PRECISION.lanes()) - 1) as u32,
                 MaskOutput::Known(false) => 0,
             };
