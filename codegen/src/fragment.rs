@@ -1,0 +1,253 @@
+//! Compiled fragments, and running them.
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::time::Instant;
+
+use crate::allocate::allocate;
+use crate::error::CompileError;
+use crate::float::{BLOCK_BYTES, Float};
+use crate::isa::InstructionSet;
+use crate::layout::{Bindings, bias, constant_bias, constant_bytes, field_step};
+use crate::lower::{MaskOutput, lower};
+use crate::native::{Arguments, Code};
+use crate::recording::{FieldKind, FieldUse, Program};
+use crate::statistics::Statistics;
+
+/// Memory as aligned as code wants it.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Aligned([u8; BLOCK_BYTES]);
+
+const ZEROS: Aligned = Aligned([0; BLOCK_BYTES]);
+
+/// A field for a run of a fragment: borrowed memory.
+pub struct FieldSlice<'a, T> {
+    start: *mut u8,
+    len: usize,
+    kind: FieldKind,
+    writable: bool,
+    borrowed: PhantomData<&'a mut T>,
+}
+
+impl<'a, T: Float> FieldSlice<'a, T> {
+    /// A field that is read.
+    pub fn read(lanes: &'a [T::Block]) -> Self {
+        Self::new(lanes.as_ptr().cast_mut().cast(), lanes.len(), FieldKind::Lanes, false)
+    }
+
+    /// A field that is written, and perhaps read.
+    pub fn write(lanes: &'a mut [T::Block]) -> Self {
+        Self::new(lanes.as_mut_ptr().cast(), lanes.len(), FieldKind::Lanes, true)
+    }
+
+    /// A field of numbers that all worlds share.
+    pub fn uniform(numbers: &'a [T]) -> Self {
+        Self::new(numbers.as_ptr().cast_mut().cast(), numbers.len(), FieldKind::Uniform, false)
+    }
+
+    /// A field of length 0, for a number that no field was bound to.
+    pub fn unused() -> Self {
+        Self::read(&[])
+    }
+
+    fn new(start: *mut u8, len: usize, kind: FieldKind, writable: bool) -> Self {
+        FieldSlice { start, len, kind, writable, borrowed: PhantomData }
+    }
+
+    fn serves(&self, bound: &FieldUse) -> bool {
+        self.len == bound.len && (self.kind == bound.kind || bound.len == 0) && (self.writable || !bound.written)
+    }
+}
+
+/// Memory that fragments work in, one for every thread. It grows to what the largest fragment needs.
+#[derive(Default)]
+pub struct Scratch {
+    slots: Vec<Aligned>,
+    masks_in: Vec<u32>,
+    masks_out: Vec<u32>,
+    /// Addresses of the fields for one run; of no meaning between runs.
+    fields: Vec<*mut u8>,
+}
+
+// SAFETY: the addresses are written at the start of every run and not used after it; all else is plain data.
+unsafe impl Send for Scratch {}
+// SAFETY: nothing can be done with a shared `Scratch`.
+unsafe impl Sync for Scratch {}
+
+impl Scratch {
+    /// Empty.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Makes room for a fragment, so that its runs do not allocate.
+    pub fn reserve<T: Float>(&mut self, fragment: &Fragment<T>) {
+        grow(&mut self.slots, fragment.slot_blocks, ZEROS);
+        grow(&mut self.masks_in, fragment.masks_in, 0);
+        grow(&mut self.masks_out, fragment.masks_out.len(), 0);
+        grow(&mut self.fields, fragment.fields.len(), std::ptr::null_mut());
+    }
+}
+
+fn grow<X: Copy>(x: &mut Vec<X>, len: usize, filling: X) {
+    if x.len() < len {
+        x.resize(len, filling);
+    }
+}
+
+/// A recorded program as machine code.
+pub struct Fragment<T> {
+    code: Code,
+    constants: Vec<Aligned>,
+    fields: Vec<FieldUse>,
+    masks_in: usize,
+    masks_out: Vec<MaskOutput>,
+    /// Blocks of memory for spilled values.
+    slot_blocks: usize,
+    statistics: Statistics,
+    real: PhantomData<fn() -> T>,
+}
+
+impl<T: Float> Program<T> {
+    /// Compiles for an instruction set of this machine.
+    ///
+    /// # Errors
+    ///
+    /// If the platform or the processor cannot run the code, the system refuses memory for it, or the program is too
+    /// large. The caller then runs its kernels over other lanes.
+    pub fn compile(&self, isa: InstructionSet) -> Result<Fragment<T>, CompileError> {
+        isa.check()?;
+        let start = Instant::now();
+        let precision = T::PRECISION;
+        let lowered = lower(self, isa);
+        let allocated = allocate(&lowered, isa);
+        let (masks_in, masks_out) = self.masks();
+        let bindings = Bindings { fields: &self.fields, masks_in, masks_out };
+        let code = Code::new(&allocated, bindings, isa, precision)?;
+        let bytes = constant_bytes(&allocated.constants, isa, precision);
+        let constants = bytes.chunks(BLOCK_BYTES).map(|chunk| {
+            let mut block = ZEROS;
+            block.0[..chunk.len()].copy_from_slice(chunk);
+            block
+        });
+        let mut operations = BTreeMap::new();
+        for node in lowered.nodes.iter().filter(|node| !node.op.is_leaf()) {
+            *operations.entry(node.op).or_default() += 1;
+        }
+        let statistics = Statistics {
+            isa,
+            order: allocated.order,
+            operations,
+            stores: lowered.stores.len(),
+            constants: allocated.constants.len(),
+            instructions: code.instructions,
+            spills: allocated.spills,
+            reloads: allocated.reloads,
+            slots: allocated.slots as usize,
+            bytes: code.len(),
+            compile_time: start.elapsed(),
+        };
+        Ok(Fragment {
+            constants: constants.collect(),
+            fields: self.fields.clone(),
+            masks_in,
+            masks_out: lowered.masks_out,
+            slot_blocks: (allocated.slots as usize * isa.vector_bytes()).div_ceil(BLOCK_BYTES),
+            statistics,
+            code,
+            real: PhantomData,
+        })
+    }
+}
+
+impl<T: Float> Fragment<T> {
+    /// Runs the code on one block: `fields` by number, the bits of the masks given and returned, lane 0 lowest.
+    ///
+    /// # Panics
+    ///
+    /// If the number of fields or masks, or a field's kind or length, differs from what was recorded, or a field that is
+    /// written was lent for reading only.
+    pub fn run(
+        &self,
+        scratch: &mut Scratch,
+        fields: &mut [FieldSlice<'_, T>],
+        masks_in: &[u32],
+        masks_out: &mut [u32],
+    ) {
+        self.check(fields, masks_in, masks_out);
+        scratch.reserve(self);
+        let isa = self.statistics.isa;
+        let runs = BLOCK_BYTES / isa.vector_bytes();
+        let lanes = T::PRECISION.lanes() / runs;
+        for run in 0..runs {
+            for ((address, field), bound) in scratch.fields.iter_mut().zip(&*fields).zip(&self.fields) {
+                let part = if bound.kind == FieldKind::Lanes { run * isa.vector_bytes() } else { 0 };
+                *address = field.start.wrapping_add(part + bias(isa, field_step(bound.kind, T::PRECISION)));
+            }
+            for (word, given) in scratch.masks_in.iter_mut().zip(masks_in) {
+                *word = given >> (run * lanes);
+            }
+            let arguments = Arguments {
+                fields: scratch.fields.as_ptr(),
+                constants: self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(isa, T::PRECISION)),
+                slots: scratch.slots.as_mut_ptr().cast::<u8>().wrapping_add(bias(isa, isa.vector_bytes())),
+                masks_in: scratch.masks_in.as_ptr(),
+                masks_out: scratch.masks_out.as_mut_ptr(),
+            };
+            // SAFETY: `check` has compared kinds, lengths and mutability of all fields with those that the code was emitted
+            // for; `Block` types and `Aligned` are aligned to 64 bytes; scratch and constants have the lengths that the
+            // code was emitted for; the fields' borrows last until the end of this function, mutable where written to.
+            unsafe { self.code.run(&arguments) };
+            self.collect_masks(&scratch.masks_out, run * lanes, masks_out);
+        }
+    }
+
+    fn check(&self, fields: &[FieldSlice<'_, T>], masks_in: &[u32], masks_out: &[u32]) {
+        assert_eq!(fields.len(), self.fields.len(), "number of fields");
+        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
+        assert_eq!(masks_out.len(), self.masks_out.len(), "number of masks returned");
+        for (i, (field, bound)) in fields.iter().zip(&self.fields).enumerate() {
+            assert!(
+                field.serves(bound),
+                "field {i} is {:?}, length {}, writable {}; the fragment wants {bound:?}",
+                field.kind,
+                field.len,
+                field.writable
+            );
+        }
+    }
+
+    /// Adds the masks that a run returned, whose first lane is `first`.
+    fn collect_masks(&self, words: &[u32], first: usize, masks_out: &mut [u32]) {
+        for ((out, word), mask) in masks_out.iter_mut().zip(words).zip(&self.masks_out) {
+            let before = if first == 0 { 0 } else { *out };
+            *out = match mask {
+                MaskOutput::Value(_) => before | word << first,
+                MaskOutput::Known(true) => ((1_u64 << T::PRECISION.lanes()) - 1) as u32,
+                MaskOutput::Known(false) => 0,
+            };
+        }
+    }
+
+    /// The fields that it wants, by number.
+    pub fn fields(&self) -> &[FieldUse] {
+        &self.fields
+    }
+
+    /// Figures about it.
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// Its instructions as text, one a line.
+    pub fn disassembly(&self) -> String {
+        self.code.disassembly()
+    }
+}
+
+impl<T> std::fmt::Debug for Fragment<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Fragment").field("statistics", &self.statistics).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,77 @@
+//! Machine code as a function.
+
+use iced_x86::{Decoder, DecoderOptions, Formatter, NasmFormatter};
+
+use crate::allocate::Allocated;
+use crate::emit::emit;
+use crate::error::CompileError;
+use crate::float::Precision;
+use crate::isa::InstructionSet;
+use crate::layout::Bindings;
+use crate::memory::ExecutableMemory;
+
+/// Addresses for a run of the code, as `emit` describes them.
+pub(crate) struct Arguments {
+    pub fields: *const *mut u8,
+    pub constants: *const u8,
+    pub slots: *mut u8,
+    pub masks_in: *const u32,
+    pub masks_out: *mut u32,
+}
+
+type Entry = unsafe extern "sysv64" fn(*const *mut u8, *const u8, *mut u8, *const u32, *mut u32);
+
+/// The code of a fragment.
+pub(crate) struct Code {
+    memory: ExecutableMemory,
+    /// Number of instructions.
+    pub instructions: usize,
+}
+
+impl Code {
+    /// Encodes the instructions for this machine, which has the instruction set.
+    pub fn new(
+        allocated: &Allocated,
+        bindings: Bindings<'_>,
+        isa: InstructionSet,
+        precision: Precision,
+    ) -> Result<Self, CompileError> {
+        let emitted = emit(allocated, bindings, isa, precision)?;
+        Ok(Code { memory: ExecutableMemory::new(&emitted.code)?, instructions: emitted.instructions })
+    }
+
+    /// Bytes of code.
+    pub fn len(&self) -> usize {
+        self.memory.code().len()
+    }
+
+    /// Runs the code.
+    ///
+    /// # Safety
+    ///
+    /// The addresses must be those of memory as large as the code was emitted for, aligned to 64 bytes (fields of lanes,
+    /// constants, slots) or to their entries (uniform fields, masks), biased as [`crate::layout::bias`] says, and what is
+    /// written to must be borrowed mutably.
+    pub unsafe fn run(&self, arguments: &Arguments) {
+        // SAFETY: the pages hold a function of this signature, complete with its return, which `emit` has written; they stay
+        // mapped and unchanged as long as `self`.
+        let entry = unsafe { std::mem::transmute::<*const u8, Entry>(self.memory.code().as_ptr()) };
+        // SAFETY: the code reads and writes nothing but entries of what it is given, which `emit` asserts for every memory
+        // operand and the caller vouches for; it preserves the registers and the stack that the convention asks for, and
+        // `InstructionSet::check` has found its instructions on this machine before it was compiled.
+        unsafe {
+            entry(arguments.fields, arguments.constants, arguments.slots, arguments.masks_in, arguments.masks_out);
+        }
+    }
+
+    /// The instructions as text, one a line.
+    pub fn disassembly(&self) -> String {
+        let mut formatter = NasmFormatter::new();
+        let mut text = String::new();
+        for instruction in Decoder::new(64, self.memory.code(), DecoderOptions::NONE) {
+            formatter.format(&instruction, &mut text);
+            text.push('\n');
+        }
+        text
+    }
+}
