@@ -4,6 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use lanesim_kernels::code::Code;
 use lanesim_kernels::diagnosis;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::Model as KernelModel;
@@ -68,17 +69,22 @@ struct Crew<L: LaneQuery> {
 }
 
 /// What a worker thread keeps from block to block.
-struct Worker<L> {
+struct Worker<L: LaneQuery> {
     workspace: Workspace<L>,
+    code: WorkerCode<L>,
     statistics: Statistics,
     clock: StageClock,
     buffers: Buffers,
 }
 
+/// A worker's way to the code made for the model.
+pub(crate) type WorkerCode<L> = Box<dyn Code<L> + Send>;
+
 impl<L: LaneQuery> Worker<L> {
-    fn new(tables: &KernelModel<L::Real>) -> Self {
+    fn new(tables: &KernelModel<L::Real>, code: WorkerCode<L>) -> Self {
         Worker {
             workspace: Workspace::new(tables),
+            code,
             statistics: Statistics::default(),
             clock: StageClock::default(),
             buffers: Buffers::default(),
@@ -95,17 +101,18 @@ struct Job<'a, L: LaneQuery> {
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
-    /// `nworld` worlds; those that diverge start again from `restart`, if it is given.
+    /// `nworld` worlds; those that diverge start again from `restart`, if it is given. `code` is asked for every worker's.
     pub fn new(
         model: &Model,
         nworld: usize,
+        code: &dyn Fn() -> WorkerCode<L>,
         pool: Arc<Pool>,
         max_contacts: usize,
         restart: Option<Key>,
     ) -> Result<Self, Error> {
         let tables = L::Real::tables(model).clone();
         let store = Store::new(&tables, nworld)?;
-        let workers = (0..pool.threads()).map(|_| Mutex::new(Worker::new(&tables))).collect();
+        let workers = (0..pool.threads()).map(|_| Mutex::new(Worker::new(&tables, code()))).collect();
         let places = (0..pool.threads()).map(|_| Mutex::new(Group::new(&tables, 1))).collect();
         let model = model.clone();
         let crew = Crew { model, tables, nworld, max_contacts, restart, steps: 0, pool, workers, places };
@@ -209,11 +216,11 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         block: &mut Block<L>,
         worker: &mut Worker<L>,
     ) {
-        let Worker { workspace, buffers, .. } = worker;
+        let Worker { workspace, buffers, code, .. } = worker;
         if plan.derived {
             self.check_state(block);
             let before = block.status;
-            let mut run = self.run(plan, block.applied.as_deref());
+            let mut run = self.run(plan, block.applied.as_deref(), code.as_mut());
             pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, workspace);
             if block.status != before {
                 self.note(block, before, workspace);
@@ -229,7 +236,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
     fn step_block(&self, rollout: &Rollout<'_>, plan: &Plan, block: &mut Block<L>, worker: &mut Worker<L>) {
         let before = block.status;
         let Block { state, status, applied, .. } = block;
-        let mut run = self.run(plan, applied.as_deref());
+        let mut run = self.run(plan, applied.as_deref(), worker.code.as_mut());
         run.clock = rollout.clock.then_some(&mut worker.clock);
         pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
         if block.status != before {
@@ -240,9 +247,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
-    fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>) -> Run<'a, L> {
-        let Plan { stages, residual, .. } = *plan;
-        Run { applied, clock: None, max_contacts: self.max_contacts, convex: &SupportCollider, stages, residual }
+    fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>, code: &'a mut dyn Code<L>) -> Run<'a, L> {
+        let (max_contacts, convex) = (self.max_contacts, &SupportCollider);
+        let Plan { stages, residual, derived: keep } = *plan;
+        Run { applied, clock: None, max_contacts, convex, stages, residual, code, keep }
     }
 
     /// Flags what a state from outside should not have. A step leaves no such state.

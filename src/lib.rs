@@ -11,6 +11,7 @@ mod group;
 mod memory;
 pub mod mjcf;
 pub mod model;
+mod native;
 pub mod noise;
 pub mod npz;
 pub mod outputs;
@@ -31,4 +32,6 @@ pub use plan::Plan;
 pub use rollout::{Controls, Rollout, Trajectories};
 pub use spec::Spec;
 pub use status::{OnDiverge, StatusEvent};
-pub use worlds::{Backend, Field, Options, Precision, Worlds};
+pub use worlds::{Backend, Field, Options, Precision, Running, Worlds};
+
+pub use lanesim_codegen::InstructionSet;

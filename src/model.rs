@@ -12,6 +12,7 @@ use lanesim_kernels::options::Integrator;
 use crate::diagnostics::Diagnostics;
 use crate::error::Error;
 use crate::mjcf::{self, LoadOptions};
+use crate::native::Codes;
 use crate::spec::Spec;
 
 /// A compiled model. Immutable; a clone shares everything.
@@ -23,6 +24,7 @@ struct Data {
     name: String,
     tables: Arc<kernel::Model<f64>>,
     tables_f32: OnceLock<Arc<kernel::Model<f32>>>,
+    codes: (Codes<f64>, Codes<f32>),
     names: ElementNames,
     placements: Placements,
     keys: Vec<Key>,
@@ -200,7 +202,13 @@ impl Model {
     pub(crate) fn new(parts: Parts) -> Model {
         let Parts { name, tables, names, placements, keys, arrays, counts, report } = parts;
         let (tables, tables_f32) = (Arc::new(tables), OnceLock::new());
-        Model(Arc::new(Data { name, tables, tables_f32, names, placements, keys, arrays, counts, report }))
+        let codes = Default::default();
+        Model(Arc::new(Data { name, tables, tables_f32, codes, names, placements, keys, arrays, counts, report }))
+    }
+
+    /// Machine code of the model, for `f64` and `f32`.
+    pub(crate) fn codes(&self) -> &(Codes<f64>, Codes<f32>) {
+        &self.0.codes
     }
 
     /// Name of the model.

@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use lanesim_kernels::lane::Real;
+use lanesim_codegen::{Float, InstructionSet};
+use lanesim_kernels::code::Kernels;
+use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::state::Status;
 use wide::{f32x16, f64x8};
 
-use crate::batch::{Batch, Engine};
+use crate::batch::{Batch, Engine, WorkerCode};
 use crate::error::Error;
 use crate::memory;
 use crate::model::{Key, Model};
+use crate::native::{ModelCode, Native};
 use crate::outputs::Output;
 use crate::pool::Pool;
 use crate::rollout::{Rollout, Trajectories};
@@ -29,13 +32,27 @@ pub enum Precision {
 /// How kernels are run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// The fastest that this build has.
+    /// Machine code made for the model where the machine can run it, else SIMD lanes.
     #[default]
     Auto,
+    /// The same.
+    Native,
     /// Portable SIMD lanes: 8 worlds (f64) or 16 (f32) at a time.
     Wide,
     /// One world at a time: the reference. Same bits.
     Scalar,
+}
+
+impl Backend {
+    /// Name, as the command line spells it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Backend::Auto => "auto",
+            Backend::Native => "native",
+            Backend::Wide => "wide",
+            Backend::Scalar => "scalar",
+        }
+    }
 }
 
 /// What happens inside a batch.
@@ -45,6 +62,8 @@ pub struct Options {
     pub precision: Precision,
     /// How kernels are run.
     pub backend: Backend,
+    /// Instruction set of machine code made for the model; `None`: the best that the machine has.
+    pub instructions: Option<InstructionSet>,
     /// Worker threads; `None`: as many as processors are available.
     pub threads: Option<usize>,
     /// Largest number of contacts of a world; beyond it the world's status says `ContactOverflow`.
@@ -58,10 +77,58 @@ impl Default for Options {
         Options {
             precision: Precision::F64,
             backend: Backend::Auto,
+            instructions: None,
             threads: None,
             max_contacts: 1024,
             on_diverge: OnDiverge::Freeze,
         }
+    }
+}
+
+/// What steps the worlds of a batch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Running {
+    /// `Native`, `Wide` or `Scalar`.
+    pub backend: Backend,
+    /// Instruction set of the machine code made for the model.
+    pub instructions: Option<InstructionSet>,
+    /// Why there is no machine code, although it was wanted.
+    pub notice: Option<String>,
+}
+
+impl Running {
+    /// Code if it is wanted and can be had; notes which, and why not.
+    fn choose<T: Float>(
+        &mut self,
+        options: &Options,
+        get: impl FnOnce() -> Result<Arc<ModelCode<T>>, String>,
+    ) -> Option<Arc<ModelCode<T>>> {
+        self.backend = Backend::Wide;
+        if options.backend == Backend::Wide {
+            return None;
+        }
+        match get() {
+            Ok(code) => {
+                self.backend = Backend::Native;
+                self.instructions = Some(code.isa());
+                Some(code)
+            }
+            Err(why) => {
+                self.notice = Some(format!("no machine code for the model, SIMD lanes step instead: {why}"));
+                None
+            }
+        }
+    }
+}
+
+fn kernels<L: LaneQuery>() -> WorkerCode<L> {
+    Box::new(Kernels)
+}
+
+fn worker_code<T: Float>(code: Option<Arc<ModelCode<T>>>) -> impl Fn() -> WorkerCode<T::Block> {
+    move || match &code {
+        Some(code) => Box::new(Native::new(code.clone())),
+        None => kernels(),
     }
 }
 
@@ -123,6 +190,7 @@ impl Field {
 pub struct Worlds {
     model: Model,
     options: Options,
+    running: Running,
     engine: Box<dyn Engine>,
 }
 
@@ -140,13 +208,26 @@ impl Worlds {
             OnDiverge::Freeze | OnDiverge::Error => None,
         };
         let scalar = options.backend == Backend::Scalar;
+        let (f64_codes, f32_codes) = model.codes();
+        let mut running = Running { backend: options.backend, instructions: None, notice: None };
         let engine: Box<dyn Engine> = match (options.precision, scalar) {
-            (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, pool, limit, restart)?),
-            (Precision::F64, false) => Box::new(Batch::<f64x8>::new(model, nworld, pool, limit, restart)?),
-            (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, pool, limit, restart)?),
-            (Precision::F32, false) => Box::new(Batch::<f32x16>::new(model, nworld, pool, limit, restart)?),
+            (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, &kernels, pool, limit, restart)?),
+            (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, &kernels, pool, limit, restart)?),
+            (Precision::F64, false) => {
+                let code = running.choose(options, || f64_codes.get(model.tables(), options.instructions));
+                Box::new(Batch::<f64x8>::new(model, nworld, &worker_code(code), pool, limit, restart)?)
+            }
+            (Precision::F32, false) => {
+                let code = running.choose(options, || f32_codes.get(model.tables_f32(), options.instructions));
+                Box::new(Batch::<f32x16>::new(model, nworld, &worker_code(code), pool, limit, restart)?)
+            }
         };
-        Ok(Worlds { model: model.clone(), options: options.clone(), engine })
+        Ok(Worlds { model: model.clone(), options: options.clone(), running, engine })
+    }
+
+    /// What steps the worlds.
+    pub fn running(&self) -> &Running {
+        &self.running
     }
 
     /// The model.

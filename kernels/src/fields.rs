@@ -63,7 +63,7 @@ macro_rules! fields {
                 $name { $($field: <$type as $crate::fields::Field<$l>>::zeros($len),)* }
             }
             /// Calls `f` with every field, in the order of declaration.
-            pub fn for_each(&mut self, f: &mut dyn FnMut($crate::fields::FieldView<'_, $l>)) {
+            pub fn for_each<'a>(&'a mut self, f: &mut dyn FnMut($crate::fields::FieldView<'a, $l>)) {
                 $(f($crate::fields::FieldView {
                     name: stringify!($field),
                     width: <$type as $crate::fields::Field<$l>>::width(),

@@ -5,6 +5,7 @@
 
 pub mod acceleration;
 pub mod actuation;
+pub mod code;
 pub mod collision;
 pub mod constraint;
 pub mod diagnosis;

@@ -1,9 +1,16 @@
 //! A step, from top to bottom.
 
-use crate::lane::{LaneQuery, Mask, Real};
+use crate::acceleration::Acceleration;
+use crate::actuation::Actuation;
+use crate::code::Code;
+use crate::inertia::Inertia;
+use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::model::Model;
+use crate::passive::Passive;
+use crate::position::Position;
 pub use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, BlockStatus, State, Status};
+use crate::velocity::Velocity;
 use crate::workspace::Workspace;
 use crate::{
     acceleration, actuation, collision, constraint, diagnosis, energy, inertia, integration, passive, position, solver,
@@ -24,6 +31,10 @@ pub struct Run<'a, L> {
     pub stages: Stages,
     /// Whether the solver's residual is wanted.
     pub residual: bool,
+    /// Code made for the model, if there is any.
+    pub code: &'a mut dyn Code<L>,
+    /// Whether somebody reads what the stages leave.
+    pub keep: bool,
 }
 
 /// The stages that are wanted, from the block's state, for the lanes that are alive.
@@ -43,51 +54,92 @@ pub fn forward<L: LaneQuery>(
             clock.end(stage);
         }
     };
-    position::kinematics(model, &state.qpos, &mut ws.position);
-    end(Stage::Position);
-    if runs(Stage::Inertia) {
-        inertia::crb(model, &ws.position, &mut ws.inertia);
-        end(Stage::Inertia);
+    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, run.applied, run.keep, ws) } else { None };
+    let [bad_controls, singular] = match coded {
+        Some(masks) => {
+            end(Stage::Acceleration);
+            masks
+        }
+        None => smooth(model, state, run.applied, &runs, ws.smooth(), &mut end).map(L::bits),
+    };
+    status.record(Status::BAD_CTRL, bad_controls & status.alive);
+    status.record(Status::SINGULAR_INERTIA, singular & status.alive);
+    if runs(Stage::Energy) {
+        energy::energy(model, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
+        end(Stage::Energy);
     }
     if runs(Stage::Collision) {
         let overflow = collision::collide(model, &ws.position, alive, run.max_contacts, run.convex, &mut ws.collision);
         status.record(Status::CONTACT_OVERFLOW, L::bits(overflow & alive));
         end(Stage::Collision);
     }
-    if runs(Stage::Velocity) {
-        velocity::rne(model, &ws.position, &ws.inertia, &state.qvel, &mut ws.velocity);
-        end(Stage::Velocity);
-    }
-    if runs(Stage::Energy) {
-        energy::energy(model, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
-        end(Stage::Energy);
-    }
     if runs(Stage::Constraint) {
         constraint::dof_rows(model, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         constraint::contact_rows(model, &ws.position, &ws.velocity, &ws.collision, &state.qvel, &mut ws.constraint);
         end(Stage::Constraint);
     }
-    if runs(Stage::Passive) {
-        passive::passive(model, &ws.position, &state.qpos, &state.qvel, &mut ws.passive);
-        end(Stage::Passive);
-    }
-    if runs(Stage::Actuation) {
-        let bad = actuation::actuation(model, state, &ws.passive, &mut ws.actuation);
-        status.record(Status::BAD_CTRL, L::bits(bad & alive));
-        end(Stage::Actuation);
-    }
-    if runs(Stage::Acceleration) {
-        let Workspace { position, velocity, passive, actuation, acceleration, .. } = ws;
-        acceleration::smooth_force(model, position, velocity, passive, actuation, run.applied, acceleration);
-        let singular = acceleration::smooth_acceleration(model, position, &ws.inertia, acceleration);
-        status.record(Status::SINGULAR_INERTIA, L::bits(singular & alive));
-        end(Stage::Acceleration);
-    }
     if runs(Stage::Solver) {
-        let unfinished = solve(model, state, alive, run.residual, ws);
+        let unfinished = solve(model, state, alive, run.residual, run.code, ws);
         status.record(Status::NOT_CONVERGED, L::bits(unfinished & alive));
         end(Stage::Solver);
     }
+}
+
+/// The stages that do without constraints, borrowed from where they are.
+#[allow(missing_docs)] // each field is the stage of the same name
+pub struct Smooth<'a, L> {
+    pub position: &'a mut Position<L>,
+    pub inertia: &'a mut Inertia<L>,
+    pub velocity: &'a mut Velocity<L>,
+    pub passive: &'a mut Passive<L>,
+    pub actuation: &'a mut Actuation<L>,
+    pub acceleration: &'a mut Acceleration<L>,
+}
+
+impl<L> Smooth<'_, L> {
+    /// Borrowed for a shorter time.
+    pub fn borrow(&mut self) -> Smooth<'_, L> {
+        let Smooth { position, inertia, velocity, passive, actuation, acceleration } = self;
+        Smooth { position, inertia, velocity, passive, actuation, acceleration }
+    }
+}
+
+/// From positions to the smooth acceleration: those of its stages for which `runs` holds. Calls `end` after each. Returns
+/// the lanes with unusable controls and those with a singular inertia.
+pub fn smooth<L: Lane>(
+    model: &Model<L::Real>,
+    state: &State<L>,
+    applied: Option<&Applied<L>>,
+    runs: &dyn Fn(Stage) -> bool,
+    stages: Smooth<'_, L>,
+    end: &mut dyn FnMut(Stage),
+) -> [L::Mask; 2] {
+    let Smooth { position, inertia, velocity, passive, actuation, acceleration } = stages;
+    let mut masks = [L::Mask::splat(false); 2];
+    position::kinematics(model, &state.qpos, position);
+    end(Stage::Position);
+    if runs(Stage::Inertia) {
+        inertia::crb(model, position, inertia);
+        end(Stage::Inertia);
+    }
+    if runs(Stage::Velocity) {
+        velocity::rne(model, position, inertia, &state.qvel, velocity);
+        end(Stage::Velocity);
+    }
+    if runs(Stage::Passive) {
+        passive::passive(model, position, &state.qpos, &state.qvel, passive);
+        end(Stage::Passive);
+    }
+    if runs(Stage::Actuation) {
+        masks[0] = actuation::actuation(model, state, passive, actuation);
+        end(Stage::Actuation);
+    }
+    if runs(Stage::Acceleration) {
+        acceleration::smooth_force(model, position, velocity, passive, actuation, applied, acceleration);
+        masks[1] = acceleration::smooth_acceleration(model, position, inertia, acceleration);
+        end(Stage::Acceleration);
+    }
+    masks
 }
 
 /// The constrained acceleration; the smooth one if no row acts in any world. Returns the lanes left unconverged.
@@ -96,6 +148,7 @@ fn solve<L: LaneQuery>(
     state: &State<L>,
     alive: L::Mask,
     residual: bool,
+    code: &mut dyn Code<L>,
     ws: &mut Workspace<L>,
 ) -> L::Mask {
     if ws.constraint.is_empty() {
@@ -111,7 +164,7 @@ fn solve<L: LaneQuery>(
         acceleration: &ws.acceleration,
         constraint: &ws.constraint,
     };
-    let unfinished = solver::solve(&problem, &state.qacc_warmstart, alive, &mut ws.solver);
+    let unfinished = solver::solve(&problem, &state.qacc_warmstart, alive, code, &mut ws.solver);
     if residual {
         solver::measure_residual(&problem, &mut ws.solver);
     }
@@ -132,22 +185,20 @@ pub fn step<L: LaneQuery>(
     }
     run.stages = run.stages | Stages::STEP;
     forward(model, state, run, status, ws);
-    integration::euler(
-        model,
-        &ws.inertia,
-        &state.qpos,
-        &state.qvel,
-        &ws.solver.fields.qacc,
-        [&ws.acceleration.qfrc_smooth, &ws.solver.fields.qfrc_constraint],
-        &mut ws.integration,
-    );
+    if !run.code.euler(state, ws) {
+        let forces = [&ws.acceleration.qfrc_smooth[..], &ws.solver.fields.qfrc_constraint];
+        let qacc = &ws.solver.fields.qacc;
+        integration::euler(model, &ws.inertia, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
+    }
     commit(model, state, status, ws);
     if let Some(clock) = &mut run.clock {
         clock.end(Stage::Integration);
     }
 }
 
-/// Replaces the state by the next one in the lanes that are alive and whose next state is usable.
+/// Replaces the state by the next one in the lanes that are alive and whose next state is usable. + 0 turns a negative zero
+/// into a positive one, so that the sign of a zero that a wider factor, an inactive contact or code may have left never
+/// reaches the state.
 fn commit<L: LaneQuery>(model: &Model<L::Real>, state: &mut State<L>, status: &mut BlockStatus, ws: &Workspace<L>) {
     let next = &ws.integration;
     let qacc = &ws.solver.fields.qacc;
@@ -161,7 +212,7 @@ fn commit<L: LaneQuery>(model: &Model<L::Real>, state: &mut State<L>, status: &m
     }
     let replace = |old: &mut [L], new: &[L]| {
         for (old, new) in old.iter_mut().zip(new) {
-            *old = L::select(good, *new, *old);
+            *old = L::select(good, *new + L::zero(), *old);
         }
     };
     replace(&mut state.qpos, &next.qpos);

@@ -3,7 +3,7 @@
 use std::ops::BitOr;
 use std::time::{Duration, Instant};
 
-use crate::model::Model;
+use crate::model::{Model, Sizes};
 
 /// The stages of a step, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,6 +50,18 @@ impl Stage {
             Acceleration => &[Inertia, Velocity, Passive, Actuation],
             Solver => &[Constraint, Acceleration],
             Stage::Integration => &[Solver],
+        }
+    }
+
+    /// The sizes by which its fields are allocated: zero for a stage that the model does not have.
+    pub fn sizes<T>(self, model: &Model<T>) -> Sizes {
+        match self {
+            // The factor of the damped inertia is needed where damping is implicit.
+            Stage::Integration if !model.features.implicit_damping => Sizes { nm: 0, ..model.sizes.clone() },
+            // Without constraints, the solver only passes on the acceleration.
+            Stage::Solver if !model.constrained() => Sizes { nv: model.sizes.nv, ..Sizes::default() },
+            _ if self.present(model) => model.sizes.clone(),
+            _ => Sizes::default(),
         }
     }
 

@@ -8,8 +8,9 @@ use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::Integration;
 use crate::lane::LaneQuery;
-use crate::model::{Model, Sizes};
+use crate::model::Model;
 use crate::passive::Passive;
+use crate::pipeline::Smooth;
 use crate::position::Position;
 use crate::solver::SolverWork;
 use crate::stage::Stage;
@@ -32,26 +33,31 @@ pub struct Workspace<L> {
     pub energy: Energy<L>,
 }
 
+impl<L> Workspace<L> {
+    /// The stages that do without constraints.
+    pub fn smooth(&mut self) -> Smooth<'_, L> {
+        let Workspace { position, inertia, velocity, passive, actuation, acceleration, .. } = self;
+        Smooth { position, inertia, velocity, passive, actuation, acceleration }
+    }
+}
+
 impl<L: LaneQuery> Workspace<L> {
     /// A workspace for the model: everything that a step needs, allocated once. Stages that the model does not have get
     /// no room.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let (sizes, none) = (&model.sizes, Sizes::default());
-        // The factor of the damped inertia is needed where damping is implicit.
-        let nm = if model.features.implicit_damping { sizes.nm } else { 0 };
-        let implicit = Sizes { nm, ..sizes.clone() };
-        let if_present = |stage: Stage| if stage.present(model) { sizes } else { &none };
+        let sizes = &model.sizes;
+        let of = |stage: Stage| stage.sizes(model);
         Workspace {
             position: Position::new(sizes),
             inertia: Inertia::new(sizes),
             collision: Collision::new(model),
             velocity: Velocity::new(sizes),
             constraint: Constraint::new(model),
-            passive: Passive::new(if_present(Stage::Passive)),
-            actuation: Actuation::new(if_present(Stage::Actuation)),
+            passive: Passive::new(&of(Stage::Passive)),
+            actuation: Actuation::new(&of(Stage::Actuation)),
             acceleration: Acceleration::new(sizes),
             solver: SolverWork::new(model),
-            integration: Integration::new(&implicit),
+            integration: Integration::new(&of(Stage::Integration)),
             energy: Energy::new(sizes),
         }
     }

@@ -8,7 +8,7 @@ use lanesim::outputs::Output;
 use lanesim::{Field, Model, Options, Worlds};
 
 use super::failure::Failure;
-use super::{Backend, ModelArgs, OnDiverge, Precision, RunArgs, memory};
+use super::{Backend, Instructions, ModelArgs, OnDiverge, Precision, RunArgs, memory};
 
 /// The events of the first few worlds that have any, one line each, and how many worlds have more.
 pub fn events(worlds: &Worlds) -> Result<Vec<String>, Failure> {
@@ -64,6 +64,7 @@ impl RunArgs {
             *start = key;
         }
         let mut worlds = Worlds::new(model, nworld, &options)?;
+        notice(&worlds);
         if key.is_some() {
             (0..nworld).try_for_each(|world| worlds.reset(world, key))?;
         }
@@ -87,9 +88,14 @@ impl RunArgs {
             },
             backend: match self.backend {
                 Backend::Auto => lanesim::Backend::Auto,
+                Backend::Native => lanesim::Backend::Native,
                 Backend::Wide => lanesim::Backend::Wide,
                 Backend::Scalar => lanesim::Backend::Scalar,
             },
+            instructions: self.instructions.map(|set| match set {
+                Instructions::Avx2 => lanesim::InstructionSet::Avx2,
+                Instructions::Avx512 => lanesim::InstructionSet::Avx512,
+            }),
             threads: self.threads.map(|n| n as usize),
             on_diverge: match self.on_diverge {
                 OnDiverge::Freeze => lanesim::OnDiverge::Freeze,
@@ -97,14 +103,6 @@ impl RunArgs {
                 OnDiverge::Error => lanesim::OnDiverge::Error,
             },
             ..Options::default()
-        }
-    }
-
-    /// The backend that steps the worlds.
-    pub fn backend_name(&self) -> &'static str {
-        match self.backend {
-            Backend::Auto | Backend::Wide => "wide",
-            Backend::Scalar => "scalar",
         }
     }
 }
@@ -133,9 +131,16 @@ pub fn set_all(worlds: &mut Worlds, field: Field, values: &[f64]) -> Result<(), 
     Ok((0..worlds.nworld()).try_for_each(|w| worlds.set(field, w, &values[w * width..][..width]))?)
 }
 
+/// Says why there is no machine code, if that was wanted.
+pub fn notice(worlds: &Worlds) {
+    if let Some(notice) = &worlds.running().notice {
+        eprintln!("note: {notice}");
+    }
+}
+
 /// The instruction set that this build's lanes use.
-pub const fn isa() -> &'static str {
-    if cfg!(target_feature = "avx512f") {
+pub fn isa() -> String {
+    let name = if cfg!(target_feature = "avx512f") {
         "avx512"
     } else if cfg!(all(target_feature = "avx2", target_feature = "fma")) {
         "avx2+fma"
@@ -143,5 +148,6 @@ pub const fn isa() -> &'static str {
         "neon"
     } else {
         "baseline"
-    }
+    };
+    name.to_owned()
 }

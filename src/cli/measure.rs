@@ -10,10 +10,11 @@ use std::time::Instant;
 
 use lanesim::noise;
 use lanesim::rollout::Statistics;
-use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
+use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Running, Worlds};
 use lanesim_kernels::pipeline::Stage;
 use lanesim_kernels::state::Status;
 
+use super::engine;
 use super::failure::Failure;
 
 /// Worlds that are warmed up.
@@ -63,6 +64,8 @@ pub struct Measurement {
     pub threads: usize,
     /// Worlds per block, and the lane type.
     pub lanes: (usize, &'static str),
+    /// What stepped them.
+    pub running: Running,
 }
 
 /// A state from which a world can be stepped.
@@ -101,6 +104,7 @@ impl Plan<'_> {
     /// Makes the benchmark.
     pub fn measure(&self, progress: &AtomicU64) -> Result<Measurement, Failure> {
         let mut worlds = Worlds::new(self.model, self.nworld, &self.options)?;
+        engine::notice(&worlds);
         let bases = self.warm_up()?;
         let run = Rollout {
             nstep: self.nstep,
@@ -134,6 +138,7 @@ impl Plan<'_> {
             errors: self.errors(&samples)?,
             threads: worlds.threads(),
             lanes: worlds.lanes(),
+            running: worlds.running().clone(),
         })
     }
 

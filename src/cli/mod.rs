@@ -75,6 +75,9 @@ struct RunArgs {
     /// Code that steps the worlds
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     backend: Backend,
+    /// Instruction set of machine code made for the model [default: the best that this machine has]
+    #[arg(long, value_enum, value_name = "SET")]
+    instructions: Option<Instructions>,
     /// Worker threads [default: all that this process may use]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     threads: Option<u32>,
@@ -101,12 +104,22 @@ enum Precision {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Backend {
-    /// The fastest that this build has
+    /// Machine code made for the model where this machine can run it, else SIMD lanes
     Auto,
+    /// The same
+    Native,
     /// SIMD lanes: 8 worlds (f64) or 16 (f32) at a time
     Wide,
     /// One world at a time: the reference, same bits
     Scalar,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Instructions {
+    /// 16 vector registers of 32 bytes
+    Avx2,
+    /// 32 vector registers of 64 bytes
+    Avx512,
 }
 
 /// Most worlds and most steps of one call: beyond any memory or patience, but small enough for exact arithmetic.

@@ -52,10 +52,8 @@ pub fn euler<L: Lane>(
         }
         ldl::solve(&model.rows, &model.tree_pattern, &out.factor, &out.inverse, &mut out.qacc);
     }
-    // + 0 turns a negative zero into a positive one, so that the sign of a zero that a wider factor or an inactive
-    // contact may have left never reaches the state.
     for i in 0..qvel.len() {
-        out.qvel[i] = h.mul_add(out.qacc[i], qvel[i]) + L::zero();
+        out.qvel[i] = h.mul_add(out.qacc[i], qvel[i]);
     }
     advance(model, qpos, &out.qvel, h, &mut out.qpos);
 }
@@ -68,12 +66,12 @@ pub fn advance<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L], h: L, ou
         match joint.kind {
             JointKind::Free => {
                 for k in 0..3 {
-                    out[k] = h.mul_add(v[k], q[k]) + L::zero();
+                    out[k] = h.mul_add(v[k], q[k]);
                 }
                 turn(&q[3..], &v[3..], h, &mut out[3..]);
             }
             JointKind::Ball => turn(q, v, h, out),
-            JointKind::Slide | JointKind::Hinge => out[0] = h.mul_add(v[0], q[0]) + L::zero(),
+            JointKind::Slide | JointKind::Hinge => out[0] = h.mul_add(v[0], q[0]),
         }
     }
 }
@@ -83,7 +81,5 @@ pub fn advance<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L], h: L, ou
 fn turn<L: Lane>(q: &[L], w: &[L], h: L, out: &mut [L]) {
     let q = quat::unit(&[q[0], q[1], q[2], q[3]]);
     let next = quat::unit(&quat::mul(&q, &quat::exp(&[h * w[0], h * w[1], h * w[2]])));
-    for k in 0..4 {
-        out[k] = next[k] + L::zero();
-    }
+    out[..4].copy_from_slice(&next);
 }

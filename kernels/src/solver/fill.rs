@@ -1,9 +1,7 @@
 //! Pattern of the Hessian when contacts join branches: entries of the inertia matrix, entries between the dofs of each
 //! joining contact, and what elimination fills in.
 
-use crate::constraint::Constraint;
-use crate::lane::Lane;
-use crate::model::{Model, NONE, Pattern, Sizes, Span};
+use crate::model::{Model, Pattern, Sizes, Span};
 
 /// The pattern, and the bit sets from which it is made.
 #[derive(Clone, Debug)]
@@ -24,16 +22,15 @@ impl Fill {
         Fill { pattern: Pattern::with_capacity(sizes.nv, runs, sizes.nm), bits: vec![0; words * sizes.nv], words }
     }
 
-    /// Finds the pattern for the contacts listed in `constraint`.
-    pub fn find<L: Lane>(&mut self, model: &Model<L::Real>, constraint: &Constraint<L>) {
+    /// Finds the pattern for contacts of the given pairs of links.
+    pub fn find<T>(&mut self, model: &Model<T>, pairs: impl Iterator<Item = u32>) {
         self.bits.fill(0);
         for i in 0..model.sizes.nv {
             for run in model.tree_pattern.row(i) {
                 run.range().for_each(|j| self.set(i, j));
             }
         }
-        for row in constraint.contact_rows.iter().filter(|row| row.link == NONE) {
-            let pair = &model.pairs[row.pair as usize];
+        for pair in pairs.map(|p| &model.pairs[p as usize]) {
             if pair.cross {
                 let dofs = &model.pair_dofs[pair.dofs.range()];
                 for (n, i) in dofs.iter().enumerate() {

@@ -6,8 +6,9 @@
 
 use super::cone::{self, Stiffness};
 use super::{Problem, Solver, SolverWork, rows};
+use crate::code::Code;
 use crate::constraint::{Constraint, ContactRow, DofRowKind};
-use crate::lane::Lane;
+use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::Spatial;
 use crate::math::tree;
 use crate::math::vec3::{build, scale_add};
@@ -22,11 +23,13 @@ const fn at(i: usize, j: usize) -> usize {
 }
 
 /// Fills the Hessian for the current iterate.
-pub fn assemble<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, constraint, .. } = problem;
-    let Solver { hessian, stiffness, .. } = &mut work.fields;
-    stiffen_links(problem, &work.touched, &work.y.component, stiffness);
-    add_stiffness(problem, &work.touched, stiffness, hessian);
+pub fn assemble<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    let Problem { model, constraint, .. } = *problem;
+    stiffen_links(problem, &work.touched, &work.y.component, &mut work.fields.stiffness);
+    if !code.curve(problem, &mut work.fields) {
+        curve(problem, &work.touched, &mut work.fields);
+    }
+    let hessian = &mut work.fields.hessian;
     for (row, y) in constraint.dof_rows.iter().zip(&work.y.dof) {
         let (_, k) = rows::dof_force(row, *y);
         let dof = row.dof as usize;
@@ -48,9 +51,9 @@ pub fn assemble<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     }
 }
 
-/// Stiffness of every touched link: of the contacts on it, and of those on what it carries.
+/// Stiffness of every touched link, of the contacts on it.
 fn stiffen_links<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], y: &[L], stiffness: &mut [Sym6<L>]) {
-    let Problem { model, constraint, .. } = problem;
+    let constraint = problem.constraint;
     for (stiffness, touched) in stiffness.iter_mut().zip(touched) {
         if *touched {
             *stiffness = [L::zero(); 21];
@@ -61,6 +64,11 @@ fn stiffen_links<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], y: &[L], s
         let k = cone::stiffness(row, &y[first..first + dim]);
         add_to_link(&k, &constraint.motion[first..first + dim], &mut stiffness[row.link as usize]);
     }
+}
+
+/// H = M + Sᵀ K S: pushes the stiffnesses of touched links down the tree, and projects them on the dofs.
+pub fn curve<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver: &mut Solver<L>) {
+    let (model, stiffness) = (problem.model, &mut solver.stiffness);
     for (l, link) in model.links.iter().enumerate().rev() {
         if touched[l] && link.parent != NONE {
             let (parents, rest) = stiffness.split_at_mut(l);
@@ -69,6 +77,7 @@ fn stiffen_links<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], y: &[L], s
             }
         }
     }
+    project_stiffness(problem, touched, solver);
 }
 
 /// stiffness += Wᵀ K W, W the components' motion rows.
@@ -161,8 +170,9 @@ fn times<L: Lane>(k: &Stiffness<L>, column: &[L]) -> [L; 6] {
 }
 
 /// H = M + Sᵀ K S, row by row.
-fn add_stiffness<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], stiffness: &[Sym6<L>], hessian: &mut [L]) {
+fn project_stiffness<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver: &mut Solver<L>) {
     let Problem { model, position, inertia, .. } = problem;
+    let Solver { stiffness, hessian, .. } = solver;
     for (i, dof) in model.dofs.iter().enumerate() {
         let range = model.rows.row(i);
         let row = &mut hessian[range.clone()];

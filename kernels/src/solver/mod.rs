@@ -18,16 +18,22 @@ mod qcqp;
 mod residual;
 mod rows;
 
+pub use hessian::curve;
+pub use newton::descend;
+pub use primal::motion;
 pub use residual::measure_residual;
+pub use rows::gather;
 
 use crate::acceleration::Acceleration;
+use crate::code::Code;
 use crate::constraint::Constraint;
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery, Mask};
-use crate::model::{Capacity, Model, NONE, Pattern, Sizes};
+use crate::model::{Capacity, Model, NONE, Pattern};
 use crate::options;
 use crate::position::Position;
+use crate::stage::Stage;
 
 fields! {
     /// Vectors and matrices of the solver.
@@ -151,9 +157,7 @@ impl<L: LaneQuery> SolverWork<L> {
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
-        // Without constraints, only the acceleration is passed on.
-        let sizes =
-            if model.constrained() { model.sizes.clone() } else { Sizes { nv: model.sizes.nv, ..Sizes::default() } };
+        let sizes = Stage::Solver.sizes(model);
         SolverWork {
             fields: Solver::new(&sizes),
             y: RowVector::with_capacity(dof, component),
@@ -178,13 +182,16 @@ pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,
     warmstart: &[L],
     alive: L::Mask,
+    code: &mut dyn Code<L>,
     work: &mut SolverWork<L>,
 ) -> L::Mask {
-    prepare(problem.model, problem.constraint, work);
+    prepare(problem.model, problem.constraint, code.every_link(), work);
     let constrained = active_lanes(problem.constraint);
     let options = &problem.model.options;
     let left = match options.solver {
-        options::Solver::Newton | options::Solver::Cg => primal::solve(problem, warmstart, alive & constrained, work),
+        options::Solver::Newton | options::Solver::Cg => {
+            primal::solve(problem, warmstart, alive & constrained, code, work)
+        }
         options::Solver::Pgs => pgs::solve(problem, warmstart, alive & constrained, work),
     };
     if options.noslip_iterations > 0 {
@@ -198,12 +205,12 @@ pub fn solve<L: LaneQuery>(
     left
 }
 
-/// Sizes the row vectors and finds touched links and the pattern of the Hessian.
-fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &mut SolverWork<L>) {
+/// Sizes the row vectors and finds touched links (`every`: all count as touched) and the pattern of the Hessian.
+fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, every: bool, work: &mut SolverWork<L>) {
     work.y.fit(constraint);
     work.jp.fit(constraint);
     work.force.fit(constraint);
-    work.touched.fill(false);
+    work.touched.fill(every);
     for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
         let mut l = row.link;
         while l != NONE && !work.touched[l as usize] {
@@ -212,7 +219,7 @@ fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, wor
         }
     }
     if constraint.cross {
-        work.fill.find(model, constraint);
+        work.fill.find(model, constraint.contact_rows.iter().filter(|row| row.link == NONE).map(|row| row.pair));
     }
 }
 
@@ -226,6 +233,17 @@ fn active_lanes<L: Lane>(constraint: &Constraint<L>) -> L::Mask {
         active = active | row.d.gt(L::zero());
     }
     active
+}
+
+/// The pattern of the Hessian when all contacts act that join branches, wider than any that a step can need; `None` if
+/// there are no such contacts.
+pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
+    let joining: Vec<u32> = (0..model.pairs.len() as u32).filter(|p| model.pairs[*p as usize].cross).collect();
+    (!joining.is_empty()).then(|| {
+        let mut fill = fill::Fill::new(&model.sizes);
+        fill.find(model, joining.into_iter());
+        fill.pattern
+    })
 }
 
 /// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches.

@@ -1,22 +1,30 @@
 //! Newton's method: the direction -H⁻¹g.
 
-use super::{Problem, Solver, SolverWork, hessian, pattern};
-use crate::lane::Lane;
+use super::{Problem, Solver, SolverWork, hessian, pattern, primal};
+use crate::code::Code;
+use crate::lane::{Lane, LaneQuery};
 use crate::math::ldl;
+use crate::model::Pattern;
 
-/// Sets the search direction of the current iterate.
-pub fn direction<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    hessian::assemble(problem, work);
-    let pattern = pattern(problem, &work.fill);
-    let Solver { hessian, inverse, multipliers, .. } = &mut work.fields;
+/// Sets the search direction of the current iterate, and its motion.
+pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    hessian::assemble(problem, code, work);
+    if !code.descend(problem, &mut work.fields) {
+        descend(problem, pattern(problem, &work.fill), &mut work.fields);
+    }
+}
+
+/// Factors the Hessian and sets the search direction and its motion.
+pub fn descend<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Solver<L>) {
+    let Solver { hessian, inverse, multipliers, .. } = solver;
     ldl::factor(&problem.model.rows, pattern, hessian, inverse, multipliers);
-    search(problem, work);
+    search(problem, pattern, solver);
+    primal::motion(problem, solver);
 }
 
 /// Sets the search direction -H⁻¹g from the factor at hand.
-pub fn search<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let pattern = pattern(problem, &work.fill);
-    let Solver { gradient, search, hessian, inverse, .. } = &mut work.fields;
+pub fn search<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Solver<L>) {
+    let Solver { gradient, search, hessian, inverse, .. } = solver;
     for (p, g) in search.iter_mut().zip(gradient.iter()) {
         *p = -*g;
     }

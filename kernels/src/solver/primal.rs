@@ -4,9 +4,10 @@
 //! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
 //! the minimum, so the solver knows that it is done.
 
-use super::{Problem, Solver, SolverWork, cg, newton, rows};
+use super::{Problem, Solver, SolverWork, cg, newton, pattern, rows};
+use crate::code::Code;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
-use crate::math::ldl;
+use crate::math::{ldl, tree};
 use crate::options;
 
 /// Iterates from the smooth acceleration plus `warmstart`, or without it if that costs less, until the lanes of `open` have
@@ -15,12 +16,13 @@ pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,
     warmstart: &[L],
     open: L::Mask,
+    code: &mut dyn Code<L>,
     work: &mut SolverWork<L>,
 ) -> L::Mask {
-    start(problem, warmstart, work);
-    rows::forces(problem, work);
+    start(problem, warmstart, code, work);
+    let converged = rows::forces(problem, code, work);
     let conjugate = problem.model.options.solver == options::Solver::Cg;
-    let mut open = open & !converged(problem, &work.fields);
+    let mut open = open & !converged;
     let mut landed = L::Mask::splat(false);
     let mut niter = L::zero();
     let mut rounds = 0;
@@ -28,20 +30,23 @@ pub fn solve<L: LaneQuery>(
         niter += L::select(open, L::one(), L::zero());
         if conjugate {
             cg::direction(problem, rounds == 0, work);
+            if !code.motion(problem, &mut work.fields) {
+                motion(problem, &mut work.fields);
+            }
         } else {
-            newton::direction(problem, work);
+            newton::direction(problem, code, work);
         }
         let Moved { full, still } = advance(problem, open, work);
-        rows::forces(problem, work);
+        let converged = rows::forces(problem, code, work);
         if !conjugate {
             landed = landed | (open & full);
             open = open & !full;
         }
-        open = open & !still & !converged(problem, &work.fields);
+        open = open & !still & !converged;
         rounds += 1;
     }
     if L::Real::EPSILON > 1e-10 && L::any(landed) {
-        refine(problem, landed, work);
+        refine(problem, landed, code, work);
     }
     work.statistics.niter = niter;
     work.statistics.block_niter = rounds;
@@ -50,8 +55,8 @@ pub fn solve<L: LaneQuery>(
 
 /// One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That
 /// is the factor at their solution for the lanes of `landed`, which took a full step within one quadratic piece.
-fn refine<L: Lane>(problem: &Problem<'_, L>, landed: L::Mask, work: &mut SolverWork<L>) {
-    newton::search(problem, work);
+fn refine<L: LaneQuery>(problem: &Problem<'_, L>, landed: L::Mask, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    newton::search(problem, pattern(problem, &work.fill), &mut work.fields);
     let Solver { qacc, search, twist, .. } = &mut work.fields;
     rows::apply(problem, search, twist, &mut work.jp);
     for (a, p) in qacc.iter_mut().zip(search.iter()) {
@@ -60,33 +65,43 @@ fn refine<L: Lane>(problem: &Problem<'_, L>, landed: L::Mask, work: &mut SolverW
     for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
         *y = L::select(landed, *y + *v, *y);
     }
-    rows::forces(problem, work);
+    rows::forces(problem, code, work);
+}
+
+/// Sets M p of the search direction p, and the motion of every link with p.
+pub fn motion<L: Lane>(problem: &Problem<'_, L>, solver: &mut Solver<L>) {
+    let Problem { model, position, inertia, .. } = problem;
+    let Solver { search, msearch, twist, .. } = solver;
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
+    tree::twists(model, &position.cdof, search, twist);
 }
 
 /// Chooses the start: sets qacc, M qacc and y.
-fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
-    let Problem { model, inertia, constraint, acceleration, .. } = problem;
+fn start<L: LaneQuery>(problem: &Problem<'_, L>, warmstart: &[L], code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    let Problem { model, constraint, acceleration, .. } = problem;
     let SolverWork { fields, y, jp, .. } = work;
-    let Solver { qacc, ma, twist, search: warm, .. } = fields;
     let smooth = &acceleration.qacc_smooth;
-    for i in 0..warm.len() {
-        warm[i] = smooth[i] + warmstart[i];
-    }
-    rows::apply(problem, smooth, twist, jp);
+    rows::apply(problem, smooth, &mut fields.twist, jp);
     rows::add_reference(constraint, jp);
     let cold = rows::cost(constraint, jp);
-    rows::apply(problem, warm, twist, y);
+    for (warm, (smooth, change)) in fields.search.iter_mut().zip(smooth.iter().zip(warmstart)) {
+        *warm = *smooth + *change;
+    }
+    if !code.motion(problem, fields) {
+        motion(problem, fields);
+    }
+    let Solver { qacc, ma, twist, search: warm, msearch: mwarm, .. } = fields;
+    rows::of_motion(problem, warm, twist, y);
     rows::add_reference(constraint, y);
-    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, warm, ma);
     let mut twice = L::zero();
     for i in 0..ma.len() {
-        twice = warmstart[i].mul_add(ma[i] - acceleration.qfrc_smooth[i], twice);
+        twice = warmstart[i].mul_add(mwarm[i] - acceleration.qfrc_smooth[i], twice);
     }
     let cost = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
     let use_warm = if model.options.flags.warmstart { cost.lt(cold) } else { L::Mask::splat(false) };
     for i in 0..ma.len() {
         qacc[i] = L::select(use_warm, warm[i], smooth[i]);
-        ma[i] = L::select(use_warm, ma[i], acceleration.qfrc_smooth[i]);
+        ma[i] = L::select(use_warm, mwarm[i], acceleration.qfrc_smooth[i]);
     }
     for (y, cold) in y.dof.iter_mut().zip(&jp.dof).chain(y.component.iter_mut().zip(&jp.component)) {
         *y = L::select(use_warm, *y, *cold);
@@ -94,7 +109,7 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
 }
 
 /// Whether the gradient is below the tolerance, scaled by the model's inertia, or lost in rounding.
-fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -> L::Mask {
+pub(super) fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -> L::Mask {
     let Problem { model, acceleration, .. } = problem;
     let (mut gradient, mut size) = (L::zero(), L::zero());
     for i in 0..solver.gradient.len() {
@@ -119,10 +134,9 @@ struct Moved<M> {
 
 /// Moves along the search direction to the minimum, in the lanes of `open`.
 fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> Moved<L::Mask> {
-    let Problem { model, inertia, acceleration, constraint, .. } = problem;
+    let Problem { model, acceleration, constraint, .. } = problem;
     let Solver { qacc, ma, gradient, search, msearch, twist, .. } = &mut work.fields;
-    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
-    rows::apply(problem, search, twist, &mut work.jp);
+    rows::of_motion(problem, search, twist, &mut work.jp);
     work.edges.collect(constraint, &work.y, &work.jp);
     let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
     for i in 0..search.len() {

@@ -1,8 +1,9 @@
 //! Between dofs and rows: J x, row forces, and Jᵀ f.
 
-use super::{Problem, RowVector, Solver, SolverWork, cone};
+use super::{Problem, RowVector, Solver, SolverWork, cone, primal};
+use crate::code::Code;
 use crate::constraint::{Constraint, ContactRow, DofRow, DofRowKind};
-use crate::lane::Lane;
+use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::dot6;
 use crate::math::tree;
 use crate::math::vec3::{add, dot, scale_add, zero};
@@ -10,7 +11,15 @@ use crate::model::{Model, NONE};
 
 /// out = J x.
 pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], out: &mut RowVector<L>) {
-    let Problem { model, position, constraint, .. } = problem;
+    if !problem.constraint.contact_rows.is_empty() {
+        tree::twists(problem.model, &problem.position.cdof, x, twist);
+    }
+    of_motion(problem, x, twist, out);
+}
+
+/// out = J x, where `twist` is the motion of every link with x.
+pub fn of_motion<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &[[L; 6]], out: &mut RowVector<L>) {
+    let Problem { model, constraint, .. } = problem;
     for (row, y) in constraint.dof_rows.iter().zip(&mut out.dof) {
         let x = &x[row.dof as usize..];
         *y = match row.kind {
@@ -19,10 +28,6 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
             DofRowKind::Ball => -dot(&row.axis, &[x[0], x[1], x[2]]),
         };
     }
-    if constraint.contact_rows.is_empty() {
-        return;
-    }
-    tree::twists(model, &position.cdof, x, twist);
     for row in &constraint.contact_rows {
         let (first, dim) = (row.component as usize, row.dim as usize);
         let out = &mut out.component[first..first + dim];
@@ -78,14 +83,25 @@ pub fn dof_force<L: Lane>(row: &DofRow<L>, y: L) -> (L, L) {
     }
 }
 
-/// Row forces from y, their generalised force Jᵀf, and the gradient M a - smooth force - Jᵀf.
-pub fn forces<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+/// Row forces from y, their generalised force Jᵀf, and the gradient M a - smooth force - Jᵀf. Returns the lanes that have
+/// converged.
+pub fn forces<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) -> L::Mask {
     from_y(problem.constraint, &work.y, &mut work.force);
-    transpose(problem, work);
-    let Solver { qfrc_constraint, ma, gradient, .. } = &mut work.fields;
+    pull(problem, work);
+    match code.gather(problem, &mut work.fields) {
+        Some(converged) => L::mask_of(converged),
+        None => gather(problem, &work.touched, &mut work.fields),
+    }
+}
+
+/// Sums the forces on touched links up to the dofs, and sets the gradient. Returns the lanes that have converged.
+pub fn gather<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver: &mut Solver<L>) -> L::Mask {
+    climb(problem, touched, solver);
+    let Solver { qfrc_constraint, ma, gradient, .. } = solver;
     for i in 0..gradient.len() {
         gradient[i] = ma[i] - problem.acceleration.qfrc_smooth[i] - qfrc_constraint[i];
     }
+    primal::converged(problem, solver)
 }
 
 /// Row forces from y.
@@ -101,7 +117,13 @@ pub fn from_y<L: Lane>(constraint: &Constraint<L>, y: &RowVector<L>, force: &mut
 
 /// Generalised force Jᵀf of the row forces.
 pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, position, constraint, .. } = problem;
+    pull(problem, work);
+    climb(problem, &work.touched, &mut work.fields);
+}
+
+/// Forces of the rows: on the dofs that they name, and on touched links.
+fn pull<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let Problem { model, constraint, .. } = problem;
     let Solver { qfrc_constraint, wrench, .. } = &mut work.fields;
     qfrc_constraint.fill(L::zero());
     for (row, force) in constraint.dof_rows.iter().zip(&work.force.dof) {
@@ -137,8 +159,14 @@ pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
             }
         }
     }
+}
+
+/// Adds the forces on touched links, and on all that they carry, to the dofs.
+fn climb<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver: &mut Solver<L>) {
+    let Problem { model, position, .. } = problem;
+    let Solver { qfrc_constraint, wrench, .. } = solver;
     for (l, link) in model.links.iter().enumerate().rev() {
-        if !work.touched[l] {
+        if !touched[l] {
             continue;
         }
         let sum = wrench[l];

@@ -1,0 +1,52 @@
+//! Parts of a step as code made for the model: straight lines in place of loops over its tables.
+
+use crate::lane::LaneQuery;
+use crate::solver::{Problem, Solver};
+use crate::state::{Applied, State};
+use crate::workspace::Workspace;
+
+/// Code that stands in for parts of a step. Every part does what the kernel that its documentation names does, with the
+/// same results up to signs of zeros. A part for which there is no code says so, and the kernel runs.
+pub trait Code<L: LaneQuery> {
+    /// [`smooth`](crate::pipeline::smooth): returns the lanes with unusable controls and those with a singular inertia.
+    /// Unless `keep`, only what later parts of a step read is written.
+    fn smooth(&mut self, _: &State<L>, _: Option<&Applied<L>>, _keep: bool, _: &mut Workspace<L>) -> Option<[u32; 2]> {
+        None
+    }
+
+    /// [`integration::euler`](crate::integration::euler) from the solver's acceleration and the sum of forces.
+    fn euler(&mut self, _: &State<L>, _: &mut Workspace<L>) -> bool {
+        false
+    }
+
+    /// [`solver::motion`](crate::solver::motion) of the search direction.
+    fn motion(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
+        false
+    }
+
+    /// [`solver::curve`](crate::solver::curve), with contacts on any link.
+    fn curve(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
+        false
+    }
+
+    /// [`solver::descend`](crate::solver::descend).
+    fn descend(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
+        false
+    }
+
+    /// [`solver::gather`](crate::solver::gather), with contacts on any link: returns the lanes that have converged.
+    fn gather(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> Option<u32> {
+        None
+    }
+
+    /// Whether `curve` and `gather` want the forces and stiffnesses of links without contacts to be zero.
+    fn every_link(&self) -> bool {
+        false
+    }
+}
+
+/// No code: kernels do everything.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernels;
+
+impl<L: LaneQuery> Code<L> for Kernels {}

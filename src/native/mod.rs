@@ -1,0 +1,244 @@
+//! Machine code made for a model: which parts of a step have it, and running them.
+//!
+//! A part is recorded and compiled when it is first needed, once per model, number type and instruction set. Parts whose
+//! straight-line code would be too large stay with the kernels.
+
+mod parts;
+
+use std::sync::{Arc, OnceLock};
+
+use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch, Statistics};
+use lanesim_kernels::code::Code;
+use lanesim_kernels::model::Model as Tables;
+use lanesim_kernels::options;
+use lanesim_kernels::solver::{Problem, Solver};
+use lanesim_kernels::state::{Applied, State};
+use lanesim_kernels::workspace::Workspace;
+
+use parts::{SOLVER_FIELDS, SmoothKind, SolverPart};
+
+/// Operations beyond which a part stays with the kernels: its code would not stay in a core's cache.
+const MOST_OPERATIONS: usize = 60_000;
+/// Operations that the smooth stages take for a link, about, beside the factorisation.
+const PER_LINK: usize = 500;
+
+/// Code of a part, made at first use; `None` if it cannot be had.
+type Part<T> = OnceLock<Option<Fragment<T>>>;
+
+/// All code of a model for one number type and instruction set.
+pub(crate) struct ModelCode<T: Float> {
+    tables: Arc<Tables<T>>,
+    isa: InstructionSet,
+    /// By [`SmoothKind`]: with forces from outside, and for readers of fields.
+    smooth: [[Part<T>; 2]; 2],
+    euler: Part<T>,
+    motion: Part<T>,
+    curve: Part<T>,
+    /// With the inertia matrix's pattern, and the filled one.
+    descend: [Part<T>; 2],
+    gather: Part<T>,
+}
+
+impl<T: Float> ModelCode<T> {
+    /// Nothing compiled yet.
+    ///
+    /// # Errors
+    ///
+    /// If this machine cannot run code of the instruction set, or the system does not allow new code.
+    pub fn new(tables: &Arc<Tables<T>>, isa: InstructionSet) -> Result<Self, CompileError> {
+        isa.check()?;
+        let code = ModelCode {
+            tables: tables.clone(),
+            isa,
+            smooth: Default::default(),
+            euler: Part::new(),
+            motion: Part::new(),
+            curve: Part::new(),
+            descend: Default::default(),
+            gather: Part::new(),
+        };
+        // Whether the system lets new code run shows at the first piece.
+        let euler = parts::euler(tables).compile(isa)?;
+        code.euler.get_or_init(|| Some(euler));
+        Ok(code)
+    }
+
+    /// The instruction set.
+    pub fn isa(&self) -> InstructionSet {
+        self.isa
+    }
+
+    fn get<'a>(
+        &self,
+        part: &'a Part<T>,
+        operations: usize,
+        record: impl FnOnce(&Tables<T>) -> Program<T>,
+    ) -> Option<&'a Fragment<T>> {
+        let make = || if operations > MOST_OPERATIONS { None } else { record(&self.tables).compile(self.isa).ok() };
+        part.get_or_init(make).as_ref()
+    }
+
+    fn smooth(&self, kind: SmoothKind) -> Option<&Fragment<T>> {
+        let part = &self.smooth[usize::from(kind.applied)][usize::from(kind.keep)];
+        let operations = PER_LINK * self.tables.sizes.nlink + parts::work_of_factor(&self.tables, false);
+        self.get(part, operations, |tables| parts::smooth(tables, kind))
+    }
+
+    fn solver(&self, part: SolverPart) -> Option<&Fragment<T>> {
+        let (place, operations) = match part {
+            SolverPart::Motion => (&self.motion, self.tables.sizes.nm),
+            SolverPart::Curve => (&self.curve, 8 * self.tables.sizes.nm),
+            SolverPart::Descend { filled } => {
+                (&self.descend[usize::from(filled)], parts::work_of_factor(&self.tables, filled))
+            }
+            SolverPart::Gather => (&self.gather, 12 * self.tables.sizes.nv),
+        };
+        self.get(place, operations, |tables| parts::solver(tables, part))
+    }
+
+    /// Makes the code that a plain step runs, and names it.
+    pub fn statistics(&self) -> Vec<(&'static str, Option<&Statistics>)> {
+        let solver = |part| self.solver(part).map(Fragment::statistics);
+        let mut all = vec![
+            ("smooth", self.smooth(SmoothKind { applied: false, keep: false }).map(Fragment::statistics)),
+            ("euler", self.euler.get().and_then(Option::as_ref).map(Fragment::statistics)),
+        ];
+        if self.tables.constrained() && self.tables.options.solver != options::Solver::Pgs {
+            all.push(("solver.motion", solver(SolverPart::Motion)));
+            all.push(("solver.gather", solver(SolverPart::Gather)));
+            if self.tables.options.solver == options::Solver::Newton {
+                all.push(("solver.curve", solver(SolverPart::Curve)));
+                all.push(("solver.descend", solver(SolverPart::Descend { filled: false })));
+                if self.tables.pairs.iter().any(|pair| pair.cross) {
+                    all.push(("solver.descend filled", solver(SolverPart::Descend { filled: true })));
+                }
+            }
+        }
+        all
+    }
+}
+
+/// The code of a model for one number type, by instruction set, made at first use.
+pub(crate) struct Codes<T: Float>([OnceLock<Result<Arc<ModelCode<T>>, String>>; 2]);
+
+impl<T: Float> Default for Codes<T> {
+    fn default() -> Self {
+        Codes(Default::default())
+    }
+}
+
+impl<T: Float> Codes<T> {
+    /// The code for an instruction set, or the best that the machine has; if there can be none, why.
+    pub fn get(&self, tables: &Arc<Tables<T>>, isa: Option<InstructionSet>) -> Result<Arc<ModelCode<T>>, String> {
+        let isa = isa.map_or_else(InstructionSet::detect, Ok).map_err(|e| e.to_string())?;
+        let place = &self.0[usize::from(isa == InstructionSet::Avx512)];
+        place.get_or_init(|| ModelCode::new(tables, isa).map(Arc::new).map_err(|e| e.to_string())).clone()
+    }
+}
+
+impl<T: Float> std::fmt::Debug for Codes<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Codes").finish_non_exhaustive()
+    }
+}
+
+/// A worker's way to the code.
+pub(crate) struct Native<T: Float> {
+    code: Arc<ModelCode<T>>,
+    scratch: Scratch,
+}
+
+impl<T: Float> Native<T> {
+    pub fn new(code: Arc<ModelCode<T>>) -> Self {
+        Native { code, scratch: Scratch::new() }
+    }
+
+    fn solver(
+        &mut self,
+        part: SolverPart,
+        problem: &Problem<'_, T::Block>,
+        solver: &mut Solver<T::Block>,
+        masks: &mut [u32],
+    ) -> bool {
+        let Some(fragment) = self.code.solver(part) else { return false };
+        let mut fields: [FieldSlice<'_, T>; 3 + SOLVER_FIELDS] = std::array::from_fn(|_| FieldSlice::unused());
+        fields[0] = FieldSlice::read(problem.position.cdof.as_flattened());
+        fields[1] = FieldSlice::read(&problem.inertia.m);
+        fields[2] = FieldSlice::read(&problem.acceleration.qfrc_smooth);
+        for (field, lanes) in fields[3..].iter_mut().zip(part.fields(solver).0) {
+            *field = FieldSlice::write(lanes);
+        }
+        fragment.run(&mut self.scratch, &mut fields, &[], masks);
+        true
+    }
+}
+
+/// Most fields that the smooth stages have.
+const SMOOTH_FIELDS: usize = 64;
+
+impl<L: Block> Code<L> for Native<L::Float> {
+    fn smooth(
+        &mut self,
+        state: &State<L>,
+        applied: Option<&Applied<L>>,
+        keep: bool,
+        ws: &mut Workspace<L>,
+    ) -> Option<[u32; 2]> {
+        let fragment = self.code.smooth(SmoothKind { applied: applied.is_some(), keep })?;
+        let mut fields: [FieldSlice<'_, L::Float>; SMOOTH_FIELDS] = std::array::from_fn(|_| FieldSlice::unused());
+        let mut count = 0;
+        let mut put = |field| {
+            fields[count] = field;
+            count += 1;
+        };
+        [&state.qpos, &state.qvel, &state.ctrl].into_iter().for_each(|lanes| put(FieldSlice::read(lanes)));
+        if let Some(applied) = applied {
+            put(FieldSlice::read(&applied.qfrc_applied));
+            put(FieldSlice::read(applied.xfrc_applied.as_flattened()));
+        }
+        parts::smooth_fields(&self.code.tables, keep, ws.smooth(), &mut |lanes| put(FieldSlice::write(lanes)));
+        let mut masks = [0; 2];
+        fragment.run(&mut self.scratch, &mut fields[..count], &[], &mut masks);
+        Some(masks)
+    }
+
+    fn euler(&mut self, state: &State<L>, ws: &mut Workspace<L>) -> bool {
+        let Some(fragment) = self.code.euler.get().and_then(Option::as_ref) else { return false };
+        let solver = &ws.solver.fields;
+        let next = &mut ws.integration;
+        let mut fields: [FieldSlice<'_, L::Float>; 9] = [
+            FieldSlice::read(&state.qpos),
+            FieldSlice::read(&state.qvel),
+            FieldSlice::read(&ws.inertia.m),
+            FieldSlice::read(&solver.qacc),
+            FieldSlice::read(&ws.acceleration.qfrc_smooth),
+            FieldSlice::read(&solver.qfrc_constraint),
+            FieldSlice::write(&mut next.qpos),
+            FieldSlice::write(&mut next.qvel),
+            FieldSlice::write(&mut next.qacc),
+        ];
+        fragment.run(&mut self.scratch, &mut fields, &[], &mut []);
+        true
+    }
+
+    fn motion(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
+        self.solver(SolverPart::Motion, problem, solver, &mut [])
+    }
+
+    fn curve(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
+        self.solver(SolverPart::Curve, problem, solver, &mut [])
+    }
+
+    fn descend(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
+        self.solver(SolverPart::Descend { filled: problem.constraint.cross }, problem, solver, &mut [])
+    }
+
+    fn gather(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> Option<u32> {
+        let mut converged = [0];
+        self.solver(SolverPart::Gather, problem, solver, &mut converged).then_some(converged[0])
+    }
+
+    fn every_link(&self) -> bool {
+        true
+    }
+}
