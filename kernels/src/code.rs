@@ -34,6 +34,11 @@ pub trait Code<L: LaneQuery> {
         false
     }
 
+    /// [`solver::polish`](crate::solver::polish).
+    fn polish(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
+        false
+    }
+
     /// [`solver::gather`](crate::solver::gather), with contacts on any link: returns the lanes that have converged.
     fn gather(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> Option<u32> {
         None

@@ -36,6 +36,8 @@ pub(crate) struct ModelCode<T: Float> {
     curve: Part<T>,
     /// With the inertia matrix's pattern, and the filled one.
     descend: [Part<T>; 2],
+    /// The same.
+    polish: [Part<T>; 2],
     gather: Part<T>,
 }
 
@@ -55,6 +57,7 @@ impl<T: Float> ModelCode<T> {
             motion: Part::new(),
             curve: Part::new(),
             descend: Default::default(),
+            polish: Default::default(),
             gather: Part::new(),
         };
         // Whether the system lets new code run shows at the first piece.
@@ -71,29 +74,31 @@ impl<T: Float> ModelCode<T> {
     fn get<'a>(
         &self,
         part: &'a Part<T>,
-        operations: usize,
+        operations: impl FnOnce(&Tables<T>) -> usize,
         record: impl FnOnce(&Tables<T>) -> Program<T>,
     ) -> Option<&'a Fragment<T>> {
-        let make = || if operations > MOST_OPERATIONS { None } else { record(&self.tables).compile(self.isa).ok() };
-        part.get_or_init(make).as_ref()
+        part.get_or_init(|| {
+            let small = operations(&self.tables) <= MOST_OPERATIONS;
+            if small { record(&self.tables).compile(self.isa).ok() } else { None }
+        })
+        .as_ref()
     }
 
     fn smooth(&self, kind: SmoothKind) -> Option<&Fragment<T>> {
         let part = &self.smooth[usize::from(kind.applied)][usize::from(kind.keep)];
-        let operations = PER_LINK * self.tables.sizes.nlink + parts::work_of_factor(&self.tables, false);
+        let operations = |tables: &_| PER_LINK * self.tables.sizes.nlink + parts::work_of_factor(tables, false);
         self.get(part, operations, |tables| parts::smooth(tables, kind))
     }
 
     fn solver(&self, part: SolverPart) -> Option<&Fragment<T>> {
-        let (place, operations) = match part {
-            SolverPart::Motion => (&self.motion, self.tables.sizes.nm),
-            SolverPart::Curve => (&self.curve, 8 * self.tables.sizes.nm),
-            SolverPart::Descend { filled } => {
-                (&self.descend[usize::from(filled)], parts::work_of_factor(&self.tables, filled))
-            }
-            SolverPart::Gather => (&self.gather, 12 * self.tables.sizes.nv),
+        let place = match part {
+            SolverPart::Motion => &self.motion,
+            SolverPart::Curve => &self.curve,
+            SolverPart::Descend { filled } => &self.descend[usize::from(filled)],
+            SolverPart::Polish { filled } => &self.polish[usize::from(filled)],
+            SolverPart::Gather => &self.gather,
         };
-        self.get(place, operations, |tables| parts::solver(tables, part))
+        self.get(place, |tables| part.operations(tables), |tables| parts::solver(tables, part))
     }
 
     /// Makes the code that a plain step runs, and names it.
@@ -231,6 +236,10 @@ impl<L: Block> Code<L> for Native<L::Float> {
 
     fn descend(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
         self.solver(SolverPart::Descend { filled: problem.constraint.cross }, problem, solver, &mut [])
+    }
+
+    fn polish(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
+        self.solver(SolverPart::Polish { filled: problem.constraint.cross }, problem, solver, &mut [])
     }
 
     fn gather(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> Option<u32> {

@@ -33,6 +33,10 @@ pub enum SolverPart {
     Descend {
         filled: bool,
     },
+    /// The direction from the factor at hand.
+    Polish {
+        filled: bool,
+    },
     Gather,
 }
 
@@ -50,7 +54,21 @@ impl SolverPart {
             SolverPart::Motion => ([msearch, twist, search, &mut [], &mut [], &mut []], 2),
             SolverPart::Curve => ([hessian, stiffness.as_flattened_mut(), &mut [], &mut [], &mut [], &mut []], 1),
             SolverPart::Descend { .. } => ([search, msearch, twist, hessian, inverse, gradient], 5),
+            SolverPart::Polish { .. } => ([search, msearch, twist, hessian, inverse, gradient], 3),
             SolverPart::Gather => ([qfrc_constraint, gradient, wrench.as_flattened_mut(), ma, &mut [], &mut []], 2),
+        }
+    }
+}
+
+impl SolverPart {
+    /// Multiplications, about: what decides whether straight-line code is small enough.
+    pub fn operations<T>(self, model: &Model<T>) -> usize {
+        match self {
+            SolverPart::Motion => model.sizes.nm,
+            SolverPart::Curve => 8 * model.sizes.nm,
+            SolverPart::Descend { filled } => work_of_factor(model, filled),
+            SolverPart::Polish { .. } => 2 * model.sizes.nm,
+            SolverPart::Gather => 12 * model.sizes.nv,
         }
     }
 }
@@ -197,6 +215,10 @@ pub fn solver<T: Float>(model: &Model<T>, part: SolverPart) -> Program<T> {
             let pattern = pattern(model, filled);
             solver::descend(&problem, &pattern, &mut work);
         }
+        SolverPart::Polish { filled } => {
+            let pattern = pattern(model, filled);
+            solver::polish(&problem, &pattern, &mut work);
+        }
         SolverPart::Gather => {
             let converged = solver::gather(&problem, &every, &mut work);
             binder.recording.mask_output(converged);
@@ -215,7 +237,7 @@ fn pattern<T>(model: &Model<T>, filled: bool) -> Pattern {
     fullest.unwrap_or_else(|| model.tree_pattern.clone())
 }
 
-/// Multiplications in a factorisation: what decides whether straight-line code for it is small enough.
+/// Multiplications in a factorisation.
 pub fn work_of_factor<T>(model: &Model<T>, filled: bool) -> usize {
     let pattern = pattern(model, filled);
     let entries = |i: usize| pattern.row(i).iter().map(|run| run.len as usize).sum::<usize>();

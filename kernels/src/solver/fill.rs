@@ -8,6 +8,8 @@ use crate::model::{Model, Pattern, Sizes, Span};
 pub struct Fill {
     /// The filled pattern of the current block.
     pub pattern: Pattern,
+    /// Whether it has been found.
+    pub known: bool,
     /// `words` words per row: columns below the diagonal.
     bits: Vec<u64>,
     words: usize,
@@ -19,7 +21,12 @@ impl Fill {
         let words = sizes.nv.div_ceil(64);
         // A row of n columns has at most n/2 runs.
         let runs = sizes.nv * (sizes.nv / 4 + 1);
-        Fill { pattern: Pattern::with_capacity(sizes.nv, runs, sizes.nm), bits: vec![0; words * sizes.nv], words }
+        Fill {
+            pattern: Pattern::with_capacity(sizes.nv, runs, sizes.nm),
+            bits: vec![0; words * sizes.nv],
+            words,
+            known: false,
+        }
     }
 
     /// Finds the pattern for contacts of the given pairs of links.
@@ -40,6 +47,7 @@ impl Fill {
         }
         self.close();
         self.collect_runs();
+        self.known = true;
     }
 
     fn set(&mut self, i: usize, j: usize) {
@@ -67,7 +75,7 @@ impl Fill {
     }
 
     fn collect_runs(&mut self) {
-        let Fill { pattern, bits, words } = self;
+        let Fill { pattern, bits, words, .. } = self;
         let Pattern { runs, rows, .. } = pattern;
         runs.clear();
         rows.clear();

@@ -19,7 +19,7 @@ mod residual;
 mod rows;
 
 pub use hessian::curve;
-pub use newton::descend;
+pub use newton::{descend, polish};
 pub use primal::motion;
 pub use residual::measure_residual;
 pub use rows::gather;
@@ -205,7 +205,7 @@ pub fn solve<L: LaneQuery>(
     left
 }
 
-/// Sizes the row vectors and finds touched links (`every`: all count as touched) and the pattern of the Hessian.
+/// Sizes the row vectors and finds touched links (`every`: all count as touched).
 fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, every: bool, work: &mut SolverWork<L>) {
     work.y.fit(constraint);
     work.jp.fit(constraint);
@@ -218,9 +218,7 @@ fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, eve
             l = model.links[l as usize].parent;
         }
     }
-    if constraint.cross {
-        work.fill.find(model, constraint.contact_rows.iter().filter(|row| row.link == NONE).map(|row| row.pair));
-    }
+    work.fill.known = false;
 }
 
 /// Worlds in which some row acts.
@@ -247,6 +245,13 @@ pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
 }
 
 /// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches.
-fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a fill::Fill) -> &'a Pattern {
-    if problem.constraint.cross { &fill.pattern } else { &problem.model.tree_pattern }
+fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a mut fill::Fill) -> &'a Pattern {
+    let Problem { model, constraint, .. } = problem;
+    if !constraint.cross {
+        return &model.tree_pattern;
+    }
+    if !fill.known {
+        fill.find(model, constraint.contact_rows.iter().filter(|row| row.link == NONE).map(|row| row.pair));
+    }
+    &fill.pattern
 }

@@ -10,7 +10,7 @@ use crate::model::Pattern;
 pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
     hessian::assemble(problem, code, work);
     if !code.descend(problem, &mut work.fields) {
-        descend(problem, pattern(problem, &work.fill), &mut work.fields);
+        descend(problem, pattern(problem, &mut work.fill), &mut work.fields);
     }
 }
 
@@ -18,15 +18,15 @@ pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>,
 pub fn descend<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Solver<L>) {
     let Solver { hessian, inverse, multipliers, .. } = solver;
     ldl::factor(&problem.model.rows, pattern, hessian, inverse, multipliers);
-    search(problem, pattern, solver);
-    primal::motion(problem, solver);
+    polish(problem, pattern, solver);
 }
 
-/// Sets the search direction -H⁻¹g from the factor at hand.
-pub fn search<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Solver<L>) {
+/// Sets the search direction -H⁻¹g from the factor at hand, and its motion.
+pub fn polish<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Solver<L>) {
     let Solver { gradient, search, hessian, inverse, .. } = solver;
     for (p, g) in search.iter_mut().zip(gradient.iter()) {
         *p = -*g;
     }
     ldl::solve(&problem.model.rows, pattern, hessian, inverse, search);
+    primal::motion(problem, solver);
 }

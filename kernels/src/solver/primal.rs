@@ -56,9 +56,11 @@ pub fn solve<L: LaneQuery>(
 /// One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That
 /// is the factor at their solution for the lanes of `landed`, which took a full step within one quadratic piece.
 fn refine<L: LaneQuery>(problem: &Problem<'_, L>, landed: L::Mask, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    newton::search(problem, pattern(problem, &work.fill), &mut work.fields);
+    if !code.polish(problem, &mut work.fields) {
+        newton::polish(problem, pattern(problem, &mut work.fill), &mut work.fields);
+    }
     let Solver { qacc, search, twist, .. } = &mut work.fields;
-    rows::apply(problem, search, twist, &mut work.jp);
+    rows::of_motion(problem, search, twist, &mut work.jp);
     for (a, p) in qacc.iter_mut().zip(search.iter()) {
         *a = L::select(landed, *a + *p, *a);
     }
