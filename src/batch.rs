@@ -503,7 +503,8 @@ mod tests {
             "<mujoco><worldbody><body><joint name='j' axis='0 1 0'/><geom size='.1' pos='.3 0 0'/></body></worldbody>
             <actuator><motor joint='j'/></actuator></mujoco>";
         let model = Model::from_xml_string(text, &Default::default()).expect("a model");
-        Batch::new(&model, worlds, Arc::new(Pool::new(Some(2)).expect("a pool")), 10, None).expect("a batch")
+        let kernels: &dyn Fn() -> WorkerCode<f64x8> = &|| Box::new(lanesim_kernels::code::Kernels);
+        Batch::new(&model, worlds, kernels, Arc::new(Pool::new(Some(2)).expect("a pool")), 10, None).expect("a batch")
     }
 
     #[test]

@@ -32,6 +32,6 @@ pub use plan::Plan;
 pub use rollout::{Controls, Rollout, Trajectories};
 pub use spec::Spec;
 pub use status::{OnDiverge, StatusEvent};
-pub use worlds::{Backend, Field, Options, Precision, Running, Worlds};
+pub use worlds::{Backend, CodePart, Field, Options, Precision, Running, Worlds};
 
-pub use lanesim_codegen::InstructionSet;
+pub use lanesim_codegen::{InstructionSet, Statistics as CodeStatistics};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lanesim_codegen::{Float, InstructionSet};
+use lanesim_codegen::{Float, Fragment, InstructionSet, Statistics};
 use lanesim_kernels::code::Kernels;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::state::Status;
@@ -83,6 +83,17 @@ impl Default for Options {
             on_diverge: OnDiverge::Freeze,
         }
     }
+}
+
+/// Machine code of a part of a step.
+#[derive(Clone, Debug)]
+pub struct CodePart {
+    /// Name.
+    pub name: &'static str,
+    /// Figures; `None`: straight-line code would be too large, and the kernels do it.
+    pub statistics: Option<Statistics>,
+    /// The instructions, one a line.
+    pub disassembly: Option<String>,
 }
 
 /// What steps the worlds of a batch.
@@ -228,6 +239,25 @@ impl Worlds {
     /// What steps the worlds.
     pub fn running(&self) -> &Running {
         &self.running
+    }
+
+    /// The machine code that a plain step runs, part by part; empty if there is none. Makes what has not been needed yet.
+    pub fn code(&self) -> Vec<CodePart> {
+        fn list<T: Float>(code: &Result<Arc<ModelCode<T>>, String>) -> Vec<CodePart> {
+            let parts = code.as_ref().map(|code| code.parts()).unwrap_or_default();
+            let part = |(name, code): (_, Option<&Fragment<T>>)| CodePart {
+                name,
+                statistics: code.map(|code| code.statistics().clone()),
+                disassembly: code.map(Fragment::disassembly),
+            };
+            parts.into_iter().map(part).collect()
+        }
+        let instructions = self.running.instructions;
+        match (instructions, self.options.precision) {
+            (None, _) => Vec::new(),
+            (_, Precision::F64) => list(&self.model.codes().0.get(self.model.tables(), instructions)),
+            (_, Precision::F32) => list(&self.model.codes().1.get(self.model.tables_f32(), instructions)),
+        }
     }
 
     /// The model.

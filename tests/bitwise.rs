@@ -4,7 +4,7 @@
 mod support;
 
 use lanesim::outputs::Output;
-use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
+use lanesim::{Backend, Controls, Field, InstructionSet, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::state::Status;
 use support::{Random, load, load_with};
 
@@ -19,6 +19,13 @@ const PRECISIONS: [Precision; 2] = [Precision::F64, Precision::F32];
 
 fn options(precision: Precision, backend: Backend, threads: usize) -> Options {
     Options { precision, backend, threads: Some(threads), ..Options::default() }
+}
+
+/// What steps worlds side by side: lanes, and the machine code that this processor can run.
+fn engines(precision: Precision, threads: usize) -> Vec<Options> {
+    let native = [InstructionSet::Avx512, InstructionSet::Avx2].into_iter().filter(|set| set.check().is_ok());
+    let native = native.map(|set| Options { instructions: Some(set), ..options(precision, Backend::Native, threads) });
+    [options(precision, Backend::Wide, threads)].into_iter().chain(native).collect()
 }
 
 /// The state in which world `id` starts: the reference configuration, moved and pushed.
@@ -95,12 +102,16 @@ fn long_runs(name: &str, precision: Precision, contacts: f64) {
     let sum: f64 = alone.iter().flat_map(|world| &world[counts.clone()]).map(|bits| f64::from_bits(*bits)).sum();
     let mean = sum / (LONG * DIFFERENT) as f64;
     assert!(mean > contacts, "{name}: only {mean} contacts");
-    for n in [1, 15, 16, 17] {
-        let got = run(&model, &all[..n], LONG, &options(precision, Backend::Wide, 1));
-        assert_same(&format!("{name} {precision:?} in a batch of {n}"), &all[..n], &got, &alone);
+    for engine in engines(precision, 1) {
+        for n in [1, 15, 16, 17] {
+            let got = run(&model, &all[..n], LONG, &engine);
+            assert_same(&format!("{name} in a batch of {n} with {engine:?}"), &all[..n], &got, &alone);
+        }
     }
-    let got = run(&model, &all, LONG, &options(precision, Backend::Wide, 2));
-    assert_same(&format!("{name} {precision:?} on two threads"), &all, &got, &alone);
+    for engine in engines(precision, 2) {
+        let got = run(&model, &all, LONG, &engine);
+        assert_same(&format!("{name} with {engine:?}"), &all, &got, &alone);
+    }
 }
 
 /// A thousand worlds for as long as the long runs and under the same controls: the states at the end.
@@ -122,12 +133,14 @@ fn a_thousand(name: &str, precision: Precision) {
     let all: Vec<usize> = (0..DIFFERENT).collect();
     let many: Vec<usize> = (0..1000).map(|world| world * 5 % DIFFERENT).collect();
     let alone = advance(&mut batch(&model, &all, &options(precision, Backend::Scalar, 1)), &all);
-    let got = advance(&mut batch(&model, &many, &options(precision, Backend::Wide, 2)), &many);
-    for (got, alone) in got.iter().zip(&alone) {
-        let width = alone.len() / DIFFERENT;
-        for (world, id) in many.iter().enumerate() {
-            let (a, b) = (&got[world * width..(world + 1) * width], &alone[id * width..(id + 1) * width]);
-            assert!(a == b, "{name} {precision:?}: world {world} of a thousand (id {id}) has other bits");
+    for engine in engines(precision, 2) {
+        let got = advance(&mut batch(&model, &many, &engine), &many);
+        for (got, alone) in got.iter().zip(&alone) {
+            let width = alone.len() / DIFFERENT;
+            for (world, id) in many.iter().enumerate() {
+                let (a, b) = (&got[world * width..(world + 1) * width], &alone[id * width..(id + 1) * width]);
+                assert!(a == b, "{name}: world {world} of a thousand (id {id}) has other bits with {engine:?}");
+            }
         }
     }
 }
@@ -138,12 +151,16 @@ fn arrangements(name: &str, precision: Precision) {
     let all: Vec<usize> = (0..DIFFERENT).collect();
     let alone = run(&model, &all, SHORT, &options(precision, Backend::Scalar, 2));
     let many: Vec<usize> = (0..1000).map(|world| world * 5 % DIFFERENT).collect();
-    let got = run(&model, &many, SHORT, &options(precision, Backend::Wide, 2));
-    assert_same(&format!("{name} {precision:?} in a thousand worlds"), &many, &got, &alone);
-    for shift in 1..16 {
-        let turned: Vec<usize> = (0..16).map(|world| (world + shift) % 16).collect();
-        let got = run(&model, &turned, SHORT, &options(precision, Backend::Wide, 1));
-        assert_same(&format!("{name} {precision:?} moved by {shift}"), &turned, &got, &alone);
+    for engine in engines(precision, 2) {
+        let got = run(&model, &many, SHORT, &engine);
+        assert_same(&format!("{name} in a thousand worlds with {engine:?}"), &many, &got, &alone);
+    }
+    for engine in engines(precision, 1) {
+        for shift in 1..16 {
+            let turned: Vec<usize> = (0..16).map(|world| (world + shift) % 16).collect();
+            let got = run(&model, &turned, SHORT, &engine);
+            assert_same(&format!("{name} moved by {shift} with {engine:?}"), &turned, &got, &alone);
+        }
     }
 }
 
@@ -214,8 +231,10 @@ fn every_solver_and_cone() {
                 load_with("zoo/humanoid27", &[("cone", cone), ("solver", solver), ("noslip_iterations", noslip)]);
             for precision in PRECISIONS {
                 let alone = run(&model, &ids, SHORT, &options(precision, Backend::Scalar, 2));
-                let got = run(&model, &ids, SHORT, &options(precision, Backend::Wide, 2));
-                assert_same(&format!("{cone} {solver} {noslip} {precision:?}"), &ids, &got, &alone);
+                for engine in engines(precision, 2) {
+                    let got = run(&model, &ids, SHORT, &engine);
+                    assert_same(&format!("{cone} {solver} {noslip} {engine:?}"), &ids, &got, &alone);
+                }
             }
         }
     }
@@ -231,8 +250,10 @@ fn large_islands() {
             assert_eq!(model.tables().sizes.nv, dofs, "{name}");
             for precision in PRECISIONS {
                 let alone = run(&model, &ids, SHORT, &options(precision, Backend::Scalar, 2));
-                let got = run(&model, &ids, SHORT, &options(precision, Backend::Wide, 2));
-                assert_same(&format!("{name} {cone} {precision:?}"), &ids, &got, &alone);
+                for engine in engines(precision, 2) {
+                    let got = run(&model, &ids, SHORT, &engine);
+                    assert_same(&format!("{name} {cone} {engine:?}"), &ids, &got, &alone);
+                }
             }
         }
     }
@@ -245,12 +266,14 @@ fn overflowing_worlds() {
     for (name, most) in [("zoo/balls_in_box", 7), ("zoo/humanoid27", 2)] {
         let model = load(name);
         for precision in PRECISIONS {
-            let options = |backend| Options { max_contacts: most, ..options(precision, backend, 1) };
-            let alone = run(&model, &ids, SHORT, &options(Backend::Scalar));
-            let got = run(&model, &ids, SHORT, &options(Backend::Wide));
-            assert_same(&format!("{name} {precision:?} of at most {most} contacts"), &ids, &got, &alone);
+            let limited = |options| Options { max_contacts: most, ..options };
+            let alone = run(&model, &ids, SHORT, &limited(options(precision, Backend::Scalar, 1)));
+            for engine in engines(precision, 1) {
+                let got = run(&model, &ids, SHORT, &limited(engine.clone()));
+                assert_same(&format!("{name} of at most {most} contacts with {engine:?}"), &ids, &got, &alone);
+            }
             let status = |world: &Vec<u64>| Status(f64::from_bits(*world.last().expect("a status")) as u32);
-            let over = got.iter().filter(|world| status(world).contains(Status::CONTACT_OVERFLOW)).count();
+            let over = alone.iter().filter(|world| status(world).contains(Status::CONTACT_OVERFLOW)).count();
             assert!(over > 0, "{name}: no world had more than {most} contacts");
         }
     }
@@ -275,17 +298,20 @@ fn worlds_that_change_places() {
             worlds
         };
         let mut alone = prepare(&options(precision, Backend::Scalar, 2));
-        let mut many = prepare(&options(precision, Backend::Wide, 1));
         let noise = Controls::Noise { seed: 3 };
-        let (expected, got) = (record(&mut alone, 2 * SHORT, noise), record(&mut many, 2 * SHORT, noise));
-        assert_same(&format!("{precision:?} grouped"), &ids, &got, &expected);
-        assert!(many.lost() > 5, "only {} worlds were lost", many.lost());
-        for world in 0..WORLDS {
-            let [a, b] = [&many, &alone].map(|worlds| worlds.status_detail(world).expect("a status"));
-            assert_eq!(a, b, "{precision:?} world {world}");
-        }
-        for (field, name) in Field::ALL {
-            assert_eq!(bits(&many.get_all(field)), bits(&alone.get_all(field)), "{precision:?} {name}");
+        let expected = record(&mut alone, 2 * SHORT, noise);
+        assert!(alone.lost() > 5, "only {} worlds were lost", alone.lost());
+        for engine in engines(precision, 1) {
+            let mut many = prepare(&engine);
+            let got = record(&mut many, 2 * SHORT, noise);
+            assert_same(&format!("grouped with {engine:?}"), &ids, &got, &expected);
+            for world in 0..WORLDS {
+                let [a, b] = [&many, &alone].map(|worlds| worlds.status_detail(world).expect("a status"));
+                assert_eq!(a, b, "{engine:?} world {world}");
+            }
+            for (field, name) in Field::ALL {
+                assert_eq!(bits(&many.get_all(field)), bits(&alone.get_all(field)), "{engine:?} {name}");
+            }
         }
     }
 }

@@ -316,8 +316,10 @@ macro_rules! groups {
 }
 
 groups!(f64_wide, F64, Wide, F64: kinematics dynamics contacts rows solution step);
+groups!(f64_native, F64, Native, F64: kinematics dynamics contacts rows solution step);
 groups!(f64_scalar, F64, Scalar, F64: kinematics dynamics contacts rows solution step);
 groups!(f32_wide, F32, Wide, F32: kinematics dynamics contacts rows solution step);
+groups!(f32_native, F32, Native, F32: kinematics dynamics contacts rows solution step);
 groups!(f32_scalar, F32, Scalar, F32: kinematics dynamics contacts rows solution step);
 
 fn numbers(data: &ArrayData) -> Vec<f64> {

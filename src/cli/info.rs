@@ -1,8 +1,8 @@
 //! `lanesim info`: what a model is.
 
 use clap::Args;
-use lanesim::Model;
 use lanesim::plan::{Part, Plan};
+use lanesim::{CodePart, Model};
 use serde_json::{Map, Value, json};
 
 use super::engine::{self, Loaded};
@@ -19,6 +19,12 @@ pub struct Info {
     /// Quantities that a rollout would record: what they need is part of what runs
     #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "qpos,qvel")]
     outputs: Vec<String>,
+    /// Print what the machine code made for the model consists of
+    #[arg(long)]
+    native: bool,
+    /// Print the instructions of one part of the machine code, such as smooth, and nothing else
+    #[arg(long, value_name = "PART")]
+    disassembly: Option<String>,
     /// Print one JSON object; sizes have MuJoCo's names
     #[arg(long)]
     json: bool,
@@ -30,10 +36,14 @@ impl Info {
         let Loaded { model, seconds } = engine::load(&self.model)?;
         // A model that loads but cannot be stepped still has sizes.
         let memory = self.run.worlds(&model, 1, None).map(|w| w.memory()).ok();
+        if let Some(part) = &self.disassembly {
+            return disassembly(&self.code(&model)?, part);
+        }
+        let code = if self.native { Some(self.code(&model)?) } else { None };
         let outputs = engine::outputs(&self.outputs)?;
         let parts = Plan::step(&outputs).parts(&model);
         if self.json {
-            return output::json(&json_of(&model, memory, seconds, &parts));
+            return output::json(&json_of(&model, memory, seconds, &parts, code.as_deref()));
         }
         output::notes("left out", &model.report().losses);
         output::notes("note", &model.report().notes);
@@ -54,11 +64,78 @@ impl Info {
             |part: &Part| (part.name, format!("{} {}", if part.runs { "runs:" } else { "left out:" }, part.what));
         output::table(
             &[vec![("", String::new()), ("a step", String::new())], parts.iter().map(line).collect()].concat(),
-        )
+        )?;
+        code.map_or(Ok(()), |code| output::table(&code_rows(&code)))
+    }
+
+    /// The machine code, or an error that says why there is none.
+    fn code(&self, model: &Model) -> Result<Vec<CodePart>, Failure> {
+        let worlds = self.run.worlds(model, 1, None)?;
+        match (&worlds.running().notice, worlds.running().instructions) {
+            (Some(notice), _) => Err(Failure::Input(notice.clone())),
+            (None, None) => Err(Failure::Usage("this backend makes no machine code; leave out --backend".into())),
+            (None, Some(_)) => Ok(worlds.code()),
+        }
     }
 }
 
-fn json_of(model: &Model, memory: Option<(usize, usize)>, seconds: f64, parts: &[Part]) -> Value {
+/// Prints the instructions of one part.
+fn disassembly(code: &[CodePart], name: &str) -> Result<(), Failure> {
+    let names: Vec<&str> = code.iter().map(|part| part.name).collect();
+    let part = code.iter().find(|part| part.name == name);
+    let part = part.ok_or_else(|| Failure::Usage(format!("no part {name}; there are {}", names.join(", "))))?;
+    let text = part.disassembly.as_ref();
+    output::text(
+        text.ok_or_else(|| Failure::Input(format!("{name} is left to the kernels: its code would be too large")))?,
+    )
+}
+
+/// Rows of a table: each part of the code and its figures.
+fn code_rows(code: &[CodePart]) -> Vec<(&str, String)> {
+    let figures = |part: &CodePart| match &part.statistics {
+        None => "left to the kernels: its code would be too large".to_owned(),
+        Some(s) => format!(
+            "{:>6} operations {:>6} instructions {:>5} spills {:>6} reloads {:>5} stores {:>7} bytes {:>5.2} ms",
+            s.total_operations(),
+            s.instructions,
+            s.spills,
+            s.reloads,
+            s.stores,
+            s.bytes,
+            s.compile_time.as_secs_f64() * 1e3
+        ),
+    };
+    let set = code.iter().find_map(|part| part.statistics.as_ref()).map_or("", |s| s.isa.name());
+    let title = vec![("", String::new()), ("machine code", set.to_owned())];
+    title.into_iter().chain(code.iter().map(|part| (part.name, figures(part)))).collect()
+}
+
+/// The same as JSON.
+fn code_json(code: &[CodePart]) -> Value {
+    let part = |part: &CodePart| match &part.statistics {
+        None => json!({ "part": part.name }),
+        Some(s) => json!({
+            "part": part.name,
+            "isa": s.isa.name(),
+            "operations": s.total_operations(),
+            "instructions": s.instructions,
+            "spills": s.spills,
+            "reloads": s.reloads,
+            "stores": s.stores,
+            "bytes": s.bytes,
+            "compile_seconds": s.compile_time.as_secs_f64(),
+        }),
+    };
+    code.iter().map(part).collect()
+}
+
+fn json_of(
+    model: &Model,
+    memory: Option<(usize, usize)>,
+    seconds: f64,
+    parts: &[Part],
+    code: Option<&[CodePart]>,
+) -> Value {
     let mut out = Map::new();
     out.insert("model".into(), model.name().into());
     out.extend(model.sizes().iter().map(|(name, n)| ((*name).to_owned(), Value::from(*n))));
@@ -70,6 +147,9 @@ fn json_of(model: &Model, memory: Option<(usize, usize)>, seconds: f64, parts: &
     out.insert("load_seconds".into(), seconds.into());
     let part = |part: &Part| json!({ "stage": part.name.trim(), "runs": part.runs, "what": part.what });
     out.insert("plan".into(), parts.iter().map(part).collect());
+    if let Some(code) = code {
+        out.insert("native".into(), code_json(code));
+    }
     out.insert("losses".into(), json!(model.report().losses));
     out.insert("notes".into(), json!(model.report().notes));
     Value::Object(out)

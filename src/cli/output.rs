@@ -19,6 +19,13 @@ pub fn json(value: &Value) -> Result<(), Failure> {
     Ok(out.flush()?)
 }
 
+/// Prints a text.
+pub fn text(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    write!(out, "{text}")?;
+    Ok(out.flush()?)
+}
+
 /// An event as JSON.
 pub fn event(event: &StatusEvent) -> Value {
     json!({ "status": event.status.names(), "step": event.step, "place": event.place })

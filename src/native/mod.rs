@@ -7,7 +7,7 @@ mod parts;
 
 use std::sync::{Arc, OnceLock};
 
-use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch, Statistics};
+use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch};
 use lanesim_kernels::code::Code;
 use lanesim_kernels::model::Model as Tables;
 use lanesim_kernels::options;
@@ -101,12 +101,12 @@ impl<T: Float> ModelCode<T> {
         self.get(place, |tables| part.operations(tables), |tables| parts::solver(tables, part))
     }
 
-    /// Makes the code that a plain step runs, and names it.
-    pub fn statistics(&self) -> Vec<(&'static str, Option<&Statistics>)> {
-        let solver = |part| self.solver(part).map(Fragment::statistics);
+    /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.
+    pub fn parts(&self) -> Vec<(&'static str, Option<&Fragment<T>>)> {
+        let solver = |part| self.solver(part);
         let mut all = vec![
-            ("smooth", self.smooth(SmoothKind { applied: false, keep: false }).map(Fragment::statistics)),
-            ("euler", self.euler.get().and_then(Option::as_ref).map(Fragment::statistics)),
+            ("smooth", self.smooth(SmoothKind { applied: false, keep: false })),
+            ("euler", self.euler.get().and_then(Option::as_ref)),
         ];
         if self.tables.constrained() && self.tables.options.solver != options::Solver::Pgs {
             all.push(("solver.motion", solver(SolverPart::Motion)));
