@@ -1,7 +1,7 @@
 //! The physics of lanesim: every stage of a step, written once over a [`lane`] type.
 //!
-//! The tree is the pipeline: `position`, `inertia`, `collision`, `constraint`, `velocity`, `passive`, `actuation`,
-//! `acceleration`, `solver`, `integration`. A stage reads earlier stages' structs and never calls their functions.
+//! The tree is the pipeline: `position`, `inertia`, `velocity`, `passive`, `actuation`, `acceleration`, `collision`,
+//! `constraint`, `solver`, `integration`. A stage reads earlier stages' structs and never calls their functions.
 
 pub mod acceleration;
 pub mod actuation;

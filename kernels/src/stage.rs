@@ -11,13 +11,13 @@ use crate::model::{Model, Sizes};
 pub enum Stage {
     Position,
     Inertia,
-    Collision,
     Velocity,
-    Energy,
-    Constraint,
     Passive,
     Actuation,
     Acceleration,
+    Energy,
+    Collision,
+    Constraint,
     Solver,
     Integration,
 }
@@ -27,13 +27,13 @@ impl Stage {
     pub const ALL: [(Stage, &'static str); 11] = [
         (Stage::Position, "position"),
         (Stage::Inertia, "inertia"),
-        (Stage::Collision, "collision"),
         (Stage::Velocity, "velocity"),
-        (Stage::Energy, "energy"),
-        (Stage::Constraint, "constraint"),
         (Stage::Passive, "passive"),
         (Stage::Actuation, "actuation"),
         (Stage::Acceleration, "acceleration"),
+        (Stage::Energy, "energy"),
+        (Stage::Collision, "collision"),
+        (Stage::Constraint, "constraint"),
         (Stage::Solver, "solver"),
         (Stage::Integration, "integration"),
     ];
