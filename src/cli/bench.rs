@@ -1,5 +1,7 @@
 //! `lanesim bench`: speed, and the error that comes with it.
 
+use std::collections::BTreeMap;
+
 use clap::Args;
 use lanesim::Model;
 use serde_json::{Map, Value, json};
@@ -96,6 +98,7 @@ impl Bench {
             "step_error_max": m.errors.last(),
             "step_error_states": m.errors.len(),
             "stage_seconds": stages,
+            "stage_operations": m.stage_operations.iter().copied().collect::<BTreeMap<_, _>>(),
         });
         match record {
             Value::Object(map) => map,
@@ -156,9 +159,15 @@ fn print(record: &Map<String, Value>) -> Result<(), Failure> {
     ];
     let stages = record.get("stage_seconds").and_then(Value::as_object);
     let total: f64 = stages.into_iter().flatten().filter_map(|(_, t)| t.as_f64()).sum();
-    for (name, seconds) in stages.into_iter().flatten() {
-        let share = seconds.as_f64().unwrap_or(0.0) / total.max(f64::MIN_POSITIVE);
-        rows.push((name, format!("{:5.1} %", 100.0 * share)));
+    let steps = number("nworld") * number("nstep");
+    for (name, seconds) in stages.into_iter().flatten().filter(|(_, t)| t.as_f64() != Some(0.0)) {
+        let seconds = seconds.as_f64().unwrap_or(0.0);
+        let mut text = format!("{:5.1} % {:8.1} ns per world and step", 100.0 * seconds / total, 1e9 * seconds / steps);
+        if let Some(operations) = record.get("stage_operations").and_then(|all| all.get(name)).and_then(Value::as_f64) {
+            let rate = operations * steps / number("lanes") / (1e9 * seconds);
+            text += &format!("  {rate:.1} vector operations per ns");
+        }
+        rows.push((name, text));
     }
     output::table(&rows)
 }

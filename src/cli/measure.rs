@@ -58,6 +58,8 @@ pub struct Measurement {
     pub statistics: Statistics,
     /// Time per stage of the observed run, summed over threads.
     pub stage_seconds: Vec<(&'static str, f64)>,
+    /// Vector operations per block of the stages that are machine code from end to end.
+    pub stage_operations: Vec<(&'static str, usize)>,
     /// Relative errors of single steps, ascending.
     pub errors: Vec<f64>,
     /// Worker threads.
@@ -93,6 +95,15 @@ impl State {
         worlds.set(Field::Qvel, world, &self.qvel)?;
         Ok(worlds.set(Field::QaccWarmstart, world, &self.warmstart)?)
     }
+}
+
+/// Vector operations of the stages that are one piece of machine code. The smooth stages count as the last of them.
+fn stage_operations(worlds: &Worlds) -> Vec<(&'static str, usize)> {
+    let stages = [("smooth", "acceleration"), ("euler", "integration")];
+    let code = worlds.code();
+    let operations = |part: &str| code.iter().find(|code| code.name == part)?.statistics.as_ref();
+    let of = |(part, stage)| operations(part).map(|s| (stage, s.total_operations()));
+    stages.into_iter().filter_map(of).collect()
 }
 
 impl Plan<'_> {
@@ -135,6 +146,7 @@ impl Plan<'_> {
             hash,
             statistics: observed.statistics,
             stage_seconds: stages.map(|((_, name), spent)| (*name, spent.as_secs_f64())).collect(),
+            stage_operations: stage_operations(&worlds),
             errors: self.errors(&samples)?,
             threads: worlds.threads(),
             lanes: worlds.lanes(),
