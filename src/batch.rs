@@ -174,7 +174,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
     fn run_group(&self, rollout: &Rollout<'_>, plan: &Plan, job: &mut Job<'_, L>, worker: &mut Worker<L>) {
         let Job { first_world, worlds, group, rows } = job;
         let count = group.blocks().len();
-        let span = if count > 1 { group::SPAN } else { rollout.nstep };
+        let mut span = if count > 1 { group::SPAN } else { rollout.nstep };
         let mut end = 0;
         while end < rollout.nstep && !rollout.cancelled() {
             end = rollout.nstep.min(end + span);
@@ -198,8 +198,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                     group.observe(b, &self.tables, &worker.workspace);
                 }
             }
-            if end < rollout.nstep {
-                group.sort();
+            if end < rollout.nstep && !group.sort() {
+                // What is in order now will be for a while.
+                span = rollout.nstep.min(2 * span);
             }
         }
         if let Some(progress) = rollout.progress {

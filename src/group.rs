@@ -13,7 +13,7 @@ use crate::block::Block;
 use crate::status::First;
 use crate::store::Kept;
 
-/// Steps between two sortings.
+/// Steps between two sortings that change something.
 pub(crate) const SPAN: usize = 8;
 /// Most blocks of a group.
 const MOST: usize = 16;
@@ -132,8 +132,9 @@ impl<L: LaneQuery> Group<L> {
         }
     }
 
-    /// Sorts the worlds by the contacts observed last, if that makes blocks' lists of contacts clearly shorter.
-    pub fn sort(&mut self) {
+    /// Sorts the worlds by the contacts observed last, if that makes blocks' lists of contacts clearly shorter. Whether it
+    /// did.
+    pub fn sort(&mut self) -> bool {
         self.rank();
         let key = |seen: &Seen| {
             let bit = |slot: &u32| 1_u64.checked_shl(63_u32.wrapping_sub(self.common[*slot as usize])).unwrap_or(0);
@@ -147,12 +148,14 @@ impl<L: LaneQuery> Group<L> {
         };
         let now = cost(&self.order);
         self.order.sort_unstable_by_key(|(key, place)| (std::cmp::Reverse(*key), *place));
-        if 10 * cost(&self.order) < 9 * now {
+        let pays = 10 * cost(&self.order) < 9 * now;
+        if pays {
             self.rearrange();
         }
         for slot in self.present.drain(..) {
             self.common[slot as usize] = 0;
         }
+        pays
     }
 
     /// Numbers the slots that some world has in `common`, from the most common one on.

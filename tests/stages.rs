@@ -84,6 +84,8 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
         ("acceleration", "residual" | "twist") | (_, "multipliers") => false,
         // Orientations of geoms wait until a pair needs them.
         ("collision", "rot") => false,
+        // It tells of the step before, too.
+        ("collision", "way") => false,
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
         ("actuation", "length" | "moment") => true,
         ("actuation", _) => model.features.actuation,

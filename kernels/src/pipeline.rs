@@ -3,6 +3,7 @@
 use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::code::Code;
+use crate::collision::Colliders;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::model::Model;
@@ -55,6 +56,7 @@ pub fn forward<L: LaneQuery>(
         }
     };
     let coded = if runs(Stage::Acceleration) { run.code.smooth(state, run.applied, run.keep, ws) } else { None };
+    let placed = runs(Stage::Collision) || coded.is_some() && Stage::Collision.present(model);
     let [bad_controls, singular] = match coded {
         Some(masks) => {
             end(Stage::Acceleration);
@@ -64,6 +66,9 @@ pub fn forward<L: LaneQuery>(
     };
     status.record(Status::BAD_CTRL, bad_controls & status.alive);
     status.record(Status::SINGULAR_INERTIA, singular & status.alive);
+    if placed {
+        ws.collision.moved(&ws.position, alive);
+    }
     if runs(Stage::Energy) {
         energy::energy(model, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
         end(Stage::Energy);
@@ -94,17 +99,18 @@ pub struct Smooth<'a, L> {
     pub passive: &'a mut Passive<L>,
     pub actuation: &'a mut Actuation<L>,
     pub acceleration: &'a mut Acceleration<L>,
+    pub colliders: &'a mut Colliders<L>,
 }
 
 impl<L> Smooth<'_, L> {
     /// Borrowed for a shorter time.
     pub fn borrow(&mut self) -> Smooth<'_, L> {
-        let Smooth { position, inertia, velocity, passive, actuation, acceleration } = self;
-        Smooth { position, inertia, velocity, passive, actuation, acceleration }
+        let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = self;
+        Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders }
     }
 }
 
-/// From positions to the smooth acceleration: those of its stages for which `runs` holds. Calls `end` after each. Returns
+/// From positions to the smooth acceleration, and to where geoms are: those of its stages for which `runs` holds. Calls `end` after each. Returns
 /// the lanes with unusable controls and those with a singular inertia.
 pub fn smooth<L: Lane>(
     model: &Model<L::Real>,
@@ -114,10 +120,14 @@ pub fn smooth<L: Lane>(
     stages: Smooth<'_, L>,
     end: &mut dyn FnMut(Stage),
 ) -> [L::Mask; 2] {
-    let Smooth { position, inertia, velocity, passive, actuation, acceleration } = stages;
+    let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
     let mut masks = [L::Mask::splat(false); 2];
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
+    if runs(Stage::Collision) {
+        collision::place(model, position, colliders);
+        end(Stage::Collision);
+    }
     if runs(Stage::Inertia) {
         inertia::crb(model, position, inertia);
         end(Stage::Inertia);

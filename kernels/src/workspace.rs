@@ -36,8 +36,9 @@ pub struct Workspace<L> {
 impl<L> Workspace<L> {
     /// The stages that do without constraints.
     pub fn smooth(&mut self) -> Smooth<'_, L> {
-        let Workspace { position, inertia, velocity, passive, actuation, acceleration, .. } = self;
-        Smooth { position, inertia, velocity, passive, actuation, acceleration }
+        let Workspace { position, inertia, velocity, passive, actuation, acceleration, collision, .. } = self;
+        let colliders = &mut collision.colliders;
+        Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders }
     }
 }
 

@@ -3,6 +3,7 @@
 use lanesim_codegen::{Float, Program, Recorder, Recording};
 use lanesim_kernels::acceleration::Acceleration;
 use lanesim_kernels::actuation::Actuation;
+use lanesim_kernels::collision::Colliders;
 use lanesim_kernels::constraint::Constraint;
 use lanesim_kernels::inertia::Inertia;
 use lanesim_kernels::integration::{self, Integration};
@@ -80,7 +81,9 @@ pub fn smooth_fields<'a, L: Lane, T>(
     stages: Smooth<'a, L>,
     f: &mut dyn FnMut(&'a mut [L]),
 ) {
-    let Smooth { position, inertia, velocity, passive, actuation, acceleration } = stages;
+    let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
+    f(colliders.pos.as_flattened_mut());
+    f(&mut colliders.way);
     if keep {
         position.for_each(&mut |field| f(field.data));
         inertia.for_each(&mut |field| f(field.data));
@@ -145,6 +148,7 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
     let mut passive = Passive::new(&Stage::Passive.sizes(model));
     let mut actuation = Actuation::new(&Stage::Actuation.sizes(model));
     let mut acceleration = Acceleration::new(&model.sizes);
+    let mut colliders = Colliders::new(&model.sizes);
     let mut stages = Smooth {
         position: &mut position,
         inertia: &mut inertia,
@@ -152,6 +156,7 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
         passive: &mut passive,
         actuation: &mut actuation,
         acceleration: &mut acceleration,
+        colliders: &mut colliders,
     };
     let first = binder.next;
     smooth_fields(model, kind.keep, stages.borrow(), &mut |lanes| {

@@ -40,6 +40,8 @@ pub struct Broad<L> {
     due: Vec<f64>,
     /// Sum over the steps of the longest way of any geom in any world, m: relative to its tree's origin, and in the world.
     travel: [f64; 2],
+    /// Travel at which the next pair is to be tested.
+    next: [f64; 2],
     /// Origins of trees in the last step.
     origin: Vec<Vec3<L>>,
     /// Worlds that took part in the last step.
@@ -53,15 +55,16 @@ impl<L: LaneQuery> Broad<L> {
             tests: model.pairs.iter().map(|pair| Test::new(model, pair)).collect(),
             due: vec![0.0; model.pairs.len()],
             travel: [0.0; 2],
+            next: [0.0; 2],
             origin: vec![zero(); model.sizes.ntree],
             alive: 0,
         }
     }
 
-    /// Takes note of how far the worlds in `alive` have moved since the last step. `ways` has the largest square of the
-    /// way of any geom relative to its tree's origin, and where it is a number.
-    pub fn advance(&mut self, position: &Position<L>, ways: (L, L::Mask), alive: L::Mask) {
-        let (relative, mut known) = ways;
+    /// Takes note of how far the worlds in `alive` have moved since the last step. `relative` is the largest square of the
+    /// way of any geom relative to its tree's origin, `MAX` where it is not a number.
+    pub fn advance(&mut self, position: &Position<L>, relative: L, alive: L::Mask) {
+        let mut known = relative.lt(L::of(L::Real::MAX));
         let mut origins = L::zero();
         for (old, new) in self.origin.iter_mut().zip(&position.origin) {
             let way = sub(new, old);
@@ -75,6 +78,7 @@ impl<L: LaneQuery> Broad<L> {
             // Worlds that were not looked at before, or came from nowhere.
             self.due.fill(0.0);
             self.travel = [0.0; 2];
+            self.next = [0.0; 2];
         } else {
             let longest = |squares: L| {
                 let lanes = (0..L::WIDTH).filter(|i| alive >> i & 1 != 0);
@@ -85,6 +89,20 @@ impl<L: LaneQuery> Broad<L> {
             self.travel[1] += relative + longest(origins);
         }
         self.alive = alive;
+    }
+
+    /// Whether any pair has to be tested.
+    pub fn any_due(&self) -> bool {
+        self.next[0] <= self.travel[0] || self.next[1] <= self.travel[1]
+    }
+
+    /// Finds when the next pair has to be tested.
+    pub fn look_ahead(&mut self) {
+        self.next = [f64::INFINITY; 2];
+        for (test, due) in self.tests.iter().zip(&self.due) {
+            let next = &mut self.next[test.frame()];
+            *next = next.min(*due);
+        }
     }
 
     /// Whether pair `p` has to be tested.

@@ -32,6 +32,8 @@ fields! {
         pub pos: Vec<[L; 3]> = sizes.ncollider,
         /// Orientation: geom to world.
         pub rot: Vec<[L; 9]> = sizes.ncollider,
+        /// Largest square of the way of any centre since the step before, m²; `MAX` where a way is not a number.
+        pub way: Vec<L> = usize::from(sizes.ncollider > 0),
     } L
 }
 
@@ -114,6 +116,11 @@ impl<L: LaneQuery> Collision<L> {
         }
     }
 
+    /// Takes note of how far geoms moved when they were placed.
+    pub fn moved(&mut self, position: &Position<L>, alive: L::Mask) {
+        self.broad.advance(position, self.colliders.way[0], alive);
+    }
+
     /// Bytes of the list of contacts.
     pub fn bytes(&self) -> usize {
         self.contacts.capacity() * size_of::<Contact<L>>() + self.slots.capacity() * size_of::<Slot>()
@@ -131,14 +138,9 @@ pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32
     if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
-/// Centres of the geoms that move. Their orientations wait until a pair needs them; what stands still was placed before.
-/// Returns the largest square of the way of any of them since the last step, and where all ways are numbers.
-fn place<L: Lane>(
-    model: &Model<L::Real>,
-    position: &Position<L>,
-    colliders: &mut Colliders<L>,
-    oriented: &mut [bool],
-) -> (L, L::Mask) {
+/// Places the centres of the geoms that move, and finds how far they moved. Their orientations wait until a pair needs them;
+/// what stands still was placed before.
+pub fn place<L: Lane>(model: &Model<L::Real>, position: &Position<L>, colliders: &mut Colliders<L>) {
     let mut longest = L::zero();
     let mut known = L::Mask::splat(true);
     for (g, geom) in model.geoms.iter().enumerate().filter(|(_, geom)| geom.link != NONE) {
@@ -146,12 +148,11 @@ fn place<L: Lane>(
         let pos = mul_add(&position.rot[l], &splat(&geom.pos), &position.pos[l]);
         let way = sub(&pos, &colliders.pos[g]);
         let square = dot(&way, &way);
-        known = known & square.within(L::Real::MAX);
+        known = known & square.lt(L::of(L::Real::MAX));
         longest = longest.max(square);
         colliders.pos[g] = pos;
-        oriented[g] = false;
     }
-    (longest, known)
+    colliders.way[0] = L::select(known, longest, L::of(L::Real::MAX));
 }
 
 /// Orientation of a geom, if it is not known yet.
@@ -170,7 +171,7 @@ fn orient<L: Lane>(
     }
 }
 
-/// Finds the contacts of the worlds in `alive`. Returns the lanes in which some world had more than `capacity` contacts;
+/// Finds the contacts of the worlds in `alive`, whose geoms have been placed, which [`Collision::moved`] knows. Returns the lanes in which some world had more than `capacity` contacts;
 /// those beyond it, in the order of pairs, are left out.
 pub fn collide<L: LaneQuery>(
     model: &Model<L::Real>,
@@ -181,13 +182,16 @@ pub fn collide<L: LaneQuery>(
     collision: &mut Collision<L>,
 ) -> L::Mask {
     let Collision { colliders, broad, oriented, slots, contacts } = collision;
-    let ways = place(model, position, colliders, oriented);
-    broad.advance(position, ways, alive);
     slots.clear();
     contacts.clear();
     let may_overflow = model.sizes.nslot > capacity;
     let mut count = L::zero();
     let mut overflow = L::Mask::splat(false);
+    if !broad.any_due() {
+        return overflow;
+    }
+    oriented.clear();
+    oriented.extend(model.geoms.iter().map(|geom| geom.link == NONE));
     for p in 0..model.pairs.len() {
         if !broad.is_due(p) {
             continue;
@@ -226,6 +230,7 @@ pub fn collide<L: LaneQuery>(
             }
         });
     }
+    broad.look_ahead();
     overflow
 }
 
