@@ -56,7 +56,11 @@ impl<'a, T: Float> FieldSlice<'a, T> {
     }
 
     fn serves(&self, bound: &FieldUse) -> bool {
-        self.len == bound.len && (self.kind == bound.kind || bound.len == 0) && (self.writable || !bound.written)
+        self.len == bound.len && self.matches(bound)
+    }
+
+    fn matches(&self, bound: &FieldUse) -> bool {
+        (self.kind == bound.kind || bound.len == 0) && (self.writable || !bound.written)
     }
 }
 
@@ -178,28 +182,86 @@ impl<T: Float> Fragment<T> {
         self.check(fields, masks_in, masks_out);
         scratch.reserve(self);
         let isa = self.statistics.isa;
-        let runs = BLOCK_BYTES / isa.vector_bytes();
-        let lanes = T::PRECISION.lanes() / runs;
-        for run in 0..runs {
+        for run in 0..self.runs() {
             for ((address, field), bound) in scratch.fields.iter_mut().zip(&*fields).zip(&self.fields) {
-                let part = if bound.kind == FieldKind::Lanes { run * isa.vector_bytes() } else { 0 };
-                *address = field.start.wrapping_add(part + bias(isa, field_step(bound.kind, T::PRECISION)));
+                *address = self.address(field, bound, run);
             }
-            for (word, given) in scratch.masks_in.iter_mut().zip(masks_in) {
-                *word = given >> (run * lanes);
-            }
-            let arguments = Arguments {
-                fields: scratch.fields.as_ptr(),
-                constants: self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(isa, T::PRECISION)),
-                slots: scratch.slots.as_mut_ptr().cast::<u8>().wrapping_add(bias(isa, isa.vector_bytes())),
-                masks_in: scratch.masks_in.as_ptr(),
-                masks_out: scratch.masks_out.as_mut_ptr(),
-            };
+            let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
             // SAFETY: `check` has compared kinds, lengths and mutability of all fields with those that the code was emitted
             // for; `Block` types and `Aligned` are aligned to 64 bytes; scratch and constants have the lengths that the
             // code was emitted for; the fields' borrows last until the end of this function, mutable where written to.
             unsafe { self.code.run(&arguments) };
-            self.collect_masks(&scratch.masks_out, run * lanes, masks_out);
+            self.collect_masks(&scratch.masks_out, run * isa.vector_bytes() / T::PRECISION.bytes(), masks_out);
+        }
+    }
+
+    /// Runs the code once for every item of `starts`, one after the other, on parts of larger fields: of each field the
+    /// recorded number of entries from the start that the item gives for it. What a run writes, the next one reads.
+    ///
+    /// # Panics
+    ///
+    /// If the code returns masks, a field's kind differs from what was recorded, a field that is written was lent for
+    /// reading only, the number of fields or masks differs, or a part does not lie within its field.
+    pub fn run_each<const N: usize>(
+        &self,
+        scratch: &mut Scratch,
+        fields: &mut [FieldSlice<'_, T>; N],
+        masks_in: &[u32],
+        starts: impl Iterator<Item = [usize; N]> + Clone,
+    ) {
+        assert_eq!(self.fields.len(), N, "number of fields");
+        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
+        assert!(self.masks_out.is_empty(), "code that returns masks runs once");
+        let steps: [usize; N] = std::array::from_fn(|i| field_step(self.fields[i].kind, T::PRECISION));
+        let last: [usize; N] = std::array::from_fn(|i| {
+            let (field, bound) = (&fields[i], &self.fields[i]);
+            assert!(field.matches(bound) && field.len >= bound.len, "field {i} has no part as {bound:?}");
+            field.len - bound.len
+        });
+        scratch.reserve(self);
+        for run in 0..self.runs() {
+            let bases: [*mut u8; N] = std::array::from_fn(|i| self.address(&fields[i], &self.fields[i], run));
+            let shared = self.arguments(scratch, masks_in, run);
+            for starts in starts.clone() {
+                let mut addresses = bases;
+                for i in 0..N {
+                    assert!(starts[i] <= last[i], "part of field {i} from {}", starts[i]);
+                    addresses[i] = bases[i].wrapping_add(starts[i] * steps[i]);
+                }
+                // SAFETY: as in `run`, with parts of fields that lie within them: their kinds and mutability were compared
+                // above, and `last` is the largest start from which a field still has the recorded number of entries. The
+                // addresses are read during the call only.
+                unsafe { self.code.run(&Arguments { fields: addresses.as_ptr(), ..shared }) };
+            }
+        }
+    }
+
+    /// How often the code runs for a block.
+    fn runs(&self) -> usize {
+        BLOCK_BYTES / self.statistics.isa.vector_bytes()
+    }
+
+    /// The address of a field that the code is given for a run on part of a block.
+    #[inline(always)]
+    fn address(&self, field: &FieldSlice<'_, T>, bound: &FieldUse, run: usize) -> *mut u8 {
+        let isa = self.statistics.isa;
+        let part = if bound.kind == FieldKind::Lanes { run * isa.vector_bytes() } else { 0 };
+        field.start.wrapping_add(part + bias(isa, field_step(bound.kind, T::PRECISION)))
+    }
+
+    /// What the code is given beside the fields, for a run on part of a block.
+    #[inline(always)]
+    fn arguments(&self, scratch: &mut Scratch, masks_in: &[u32], run: usize) -> Arguments {
+        let isa = self.statistics.isa;
+        for (word, given) in scratch.masks_in.iter_mut().zip(masks_in) {
+            *word = given >> (run * isa.vector_bytes() / T::PRECISION.bytes());
+        }
+        Arguments {
+            fields: std::ptr::null(),
+            constants: self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(isa, T::PRECISION)),
+            slots: scratch.slots.as_mut_ptr().cast::<u8>().wrapping_add(bias(isa, isa.vector_bytes())),
+            masks_in: scratch.masks_in.as_ptr(),
+            masks_out: scratch.masks_out.as_mut_ptr(),
         }
     }
 

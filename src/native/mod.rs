@@ -3,19 +3,24 @@
 //! A part is recorded and compiled when it is first needed, once per model, number type and instruction set. Parts whose
 //! straight-line code would be too large stay with the kernels.
 
+mod contacts;
 mod parts;
 
 use std::sync::{Arc, OnceLock};
 
 use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch, Statistics};
 use lanesim_kernels::code::Code;
+use lanesim_kernels::constraint::Constraint;
 use lanesim_kernels::model::Model as Tables;
 use lanesim_kernels::options;
+use lanesim_kernels::solver::contact::{Contacts, Kind};
+use lanesim_kernels::solver::edges::Edges;
 use lanesim_kernels::solver::{Problem, Solver};
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::workspace::Workspace;
 
-use parts::{SOLVER_FIELDS, SmoothKind, SolverPart};
+use contacts::{ContactCode, ContactPart};
+use parts::{SmoothKind, SolverPart};
 
 /// Operations beyond which a part stays with the kernels: its code would not stay in a core's cache.
 const MOST_OPERATIONS: usize = 60_000;
@@ -39,6 +44,7 @@ pub(crate) struct ModelCode<T: Float> {
     /// The same.
     polish: [Part<T>; 2],
     gather: Part<T>,
+    contacts: ContactCode<T>,
 }
 
 impl<T: Float> ModelCode<T> {
@@ -59,6 +65,7 @@ impl<T: Float> ModelCode<T> {
             descend: Default::default(),
             polish: Default::default(),
             gather: Part::new(),
+            contacts: ContactCode::default(),
         };
         // Whether the system lets new code run shows at the first piece.
         let euler = parts::euler(tables).compile(isa)?;
@@ -99,6 +106,10 @@ impl<T: Float> ModelCode<T> {
             SolverPart::Gather => &self.gather,
         };
         self.get(place, |tables| part.operations(tables), |tables| parts::solver(tables, part))
+    }
+
+    fn contact(&self, part: ContactPart, kind: Kind) -> Option<&Fragment<T>> {
+        self.contacts.get(part, kind, self.isa)
     }
 
     /// Makes the code that a plain step runs, and names it.
@@ -163,17 +174,15 @@ impl<T: Float> Native<T> {
         part: SolverPart,
         problem: &Problem<'_, T::Block>,
         solver: &mut Solver<T::Block>,
-        masks: &mut [u32],
+        masks_in: &[u32],
+        masks_out: &mut [u32],
     ) -> bool {
         let Some(fragment) = self.code.solver(part) else { return false };
-        let mut fields: [FieldSlice<'_, T>; 3 + SOLVER_FIELDS] = std::array::from_fn(|_| FieldSlice::unused());
-        fields[0] = FieldSlice::read(problem.position.cdof.as_flattened());
-        fields[1] = FieldSlice::read(&problem.inertia.m);
-        fields[2] = FieldSlice::read(&problem.acceleration.qfrc_smooth);
-        for (field, lanes) in fields[3..].iter_mut().zip(part.fields(solver).0) {
-            *field = FieldSlice::write(lanes);
-        }
-        fragment.run(&mut self.scratch, &mut fields, &[], masks);
+        let [a, b, c, d, e, f, g, h, i] = part.fields(solver).0.map(FieldSlice::write);
+        let cdof = FieldSlice::read(problem.position.cdof.as_flattened());
+        let (m, smooth) = (&problem.inertia.m, &problem.acceleration.qfrc_smooth);
+        let mut fields = [cdof, FieldSlice::read(m), FieldSlice::read(smooth), a, b, c, d, e, f, g, h, i];
+        fragment.run(&mut self.scratch, &mut fields, masks_in, masks_out);
         true
     }
 }
@@ -227,24 +236,73 @@ impl<L: Block> Code<L> for Native<L::Float> {
     }
 
     fn motion(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Motion, problem, solver, &mut [])
+        self.solver(SolverPart::Motion, problem, solver, &[], &mut [])
     }
 
     fn curve(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Curve, problem, solver, &mut [])
+        self.solver(SolverPart::Curve, problem, solver, &[], &mut [])
     }
 
     fn descend(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Descend { filled: problem.constraint.cross }, problem, solver, &mut [])
+        self.solver(SolverPart::Descend { filled: problem.constraint.cross }, problem, solver, &[], &mut [])
     }
 
     fn polish(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Polish { filled: problem.constraint.cross }, problem, solver, &mut [])
+        self.solver(SolverPart::Polish { filled: problem.constraint.cross }, problem, solver, &[], &mut [])
     }
 
-    fn gather(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> Option<u32> {
-        let mut converged = [0];
-        self.solver(SolverPart::Gather, problem, solver, &mut converged).then_some(converged[0])
+    fn gather(&mut self, problem: &Problem<'_, L>, open: u32, solver: &mut Solver<L>) -> Option<[u32; 2]> {
+        let mut arrived = [0; 2];
+        self.solver(SolverPart::Gather, problem, solver, &[open], &mut arrived).then_some(arrived)
+    }
+
+    fn survey(
+        &mut self,
+        constraint: &Constraint<L>,
+        list: Contacts<'_>,
+        twist: &[[L; 6]],
+        y: &mut [L],
+        twice: &mut [L; 1],
+    ) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Survey, list.kind) else { return false };
+        contacts::survey(fragment, &mut self.scratch, constraint, list, twist, y, twice);
+        true
+    }
+
+    fn approach(
+        &mut self,
+        constraint: &Constraint<L>,
+        list: Contacts<'_>,
+        twist: &[[L; 6]],
+        y: &[L],
+        jp: &mut [L],
+        edges: &mut Edges<L>,
+    ) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Approach, list.kind) else { return false };
+        contacts::approach(fragment, &mut self.scratch, constraint, list, twist, y, jp, edges);
+        true
+    }
+
+    fn act(
+        &mut self,
+        constraint: &Constraint<L>,
+        list: Contacts<'_>,
+        step: L,
+        open: u32,
+        jp: &[L],
+        y: &mut [L],
+        force: &mut [L],
+        wrench: &mut [[L; 6]],
+    ) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Act, list.kind) else { return false };
+        contacts::act(fragment, &mut self.scratch, constraint, list, (step, open), jp, y, force, wrench);
+        true
+    }
+
+    fn stiffen(&mut self, constraint: &Constraint<L>, list: Contacts<'_>, y: &[L], stiffness: &mut [[L; 21]]) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Stiffen, list.kind) else { return false };
+        contacts::stiffen(fragment, &mut self.scratch, constraint, list, y, stiffness);
+        true
     }
 
     fn every_link(&self) -> bool {
