@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use crate::allocate::allocate;
 use crate::error::CompileError;
-use crate::float::{BLOCK_BYTES, Float};
+use crate::float::{BLOCK_BYTES, Float, Precision};
 use crate::isa::InstructionSet;
 use crate::layout::{Bindings, bias, constant_bias, constant_bytes, field_step};
 use crate::lower::{MaskOutput, lower};
@@ -24,24 +24,26 @@ const ZEROS: Aligned = Aligned([0; BLOCK_BYTES]);
 /// A field for a run of a fragment: borrowed memory.
 pub struct FieldSlice<'a, T> {
     start: *mut u8,
-    len: usize,
-    kind: FieldKind,
-    writable: bool,
+    /// Length and flags in one word, see [`tag`], so that one comparison does.
+    tag: usize,
     borrowed: PhantomData<&'a mut T>,
 }
 
 impl<'a, T: Float> FieldSlice<'a, T> {
     /// A field that is read.
+    #[inline(always)]
     pub fn read(lanes: &'a [T::Block]) -> Self {
         Self::new(lanes.as_ptr().cast_mut().cast(), lanes.len(), FieldKind::Lanes, false)
     }
 
     /// A field that is written, and perhaps read.
+    #[inline(always)]
     pub fn write(lanes: &'a mut [T::Block]) -> Self {
         Self::new(lanes.as_mut_ptr().cast(), lanes.len(), FieldKind::Lanes, true)
     }
 
     /// A field of numbers that all worlds share.
+    #[inline(always)]
     pub fn uniform(numbers: &'a [T]) -> Self {
         Self::new(numbers.as_ptr().cast_mut().cast(), numbers.len(), FieldKind::Uniform, false)
     }
@@ -51,16 +53,57 @@ impl<'a, T: Float> FieldSlice<'a, T> {
         Self::read(&[])
     }
 
+    #[inline(always)]
     fn new(start: *mut u8, len: usize, kind: FieldKind, writable: bool) -> Self {
-        FieldSlice { start, len, kind, writable, borrowed: PhantomData }
+        FieldSlice { start, tag: tag(len, kind, writable), borrowed: PhantomData }
     }
 
-    fn serves(&self, bound: &FieldUse) -> bool {
-        self.len == bound.len && self.matches(bound)
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.tag >> 2
+    }
+}
+
+/// A field's length, kind and mutability as a number; slices are too short for any bit to be lost.
+#[inline(always)]
+const fn tag(len: usize, kind: FieldKind, writable: bool) -> usize {
+    len << 2 | (matches!(kind, FieldKind::Uniform) as usize) << 1 | writable as usize
+}
+
+/// A field as the code wants it, ready to be compared and addressed.
+#[derive(Clone, Copy)]
+struct Wanted {
+    tag: usize,
+    /// Bits of the tag that matter: mutability where it is written, kind where it is not empty.
+    mask: usize,
+    /// Distance from its start to the address that the code is given, bytes.
+    bias: usize,
+    /// Bytes from there to the address for the next part of the block.
+    part: usize,
+}
+
+impl Wanted {
+    fn new(bound: &FieldUse, isa: InstructionSet, precision: Precision) -> Self {
+        let indifferent =
+            usize::from(!bound.written) | if bound.len == 0 { tag(0, FieldKind::Uniform, false) } else { 0 };
+        Wanted {
+            tag: tag(bound.len, bound.kind, bound.written),
+            mask: !indifferent,
+            bias: bias(isa, field_step(bound.kind, precision)),
+            part: if bound.kind == FieldKind::Lanes { isa.vector_bytes() } else { 0 },
+        }
     }
 
-    fn matches(&self, bound: &FieldUse) -> bool {
-        (self.kind == bound.kind || bound.len == 0) && (self.writable || !bound.written)
+    /// Bits in which the field differs.
+    #[inline(always)]
+    fn differs<T>(&self, field: &FieldSlice<'_, T>) -> usize {
+        (field.tag ^ self.tag) & self.mask
+    }
+
+    /// The address of the field for a run on part of a block.
+    #[inline(always)]
+    fn address<T>(&self, field: &FieldSlice<'_, T>, run: usize) -> *mut u8 {
+        field.start.wrapping_add(self.bias + run * self.part)
     }
 }
 
@@ -105,6 +148,8 @@ pub struct Fragment<T> {
     code: Code,
     constants: Vec<Aligned>,
     fields: Vec<FieldUse>,
+    /// The same fields.
+    wanted: Vec<Wanted>,
     masks_in: usize,
     masks_out: Vec<MaskOutput>,
     /// Blocks of memory for spilled values.
@@ -154,6 +199,7 @@ impl<T: Float> Program<T> {
         };
         Ok(Fragment {
             constants: constants.collect(),
+            wanted: self.fields.iter().map(|bound| Wanted::new(bound, isa, precision)).collect(),
             fields: self.fields.clone(),
             masks_in,
             masks_out: lowered.masks_out,
@@ -183,8 +229,8 @@ impl<T: Float> Fragment<T> {
         scratch.reserve(self);
         let isa = self.statistics.isa;
         for run in 0..self.runs() {
-            for ((address, field), bound) in scratch.fields.iter_mut().zip(&*fields).zip(&self.fields) {
-                *address = self.address(field, bound, run);
+            for ((address, field), wanted) in scratch.fields.iter_mut().zip(&*fields).zip(&self.wanted) {
+                *address = wanted.address(field, run);
             }
             let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
             // SAFETY: `check` has compared kinds, lengths and mutability of all fields with those that the code was emitted
@@ -215,12 +261,13 @@ impl<T: Float> Fragment<T> {
         let steps: [usize; N] = std::array::from_fn(|i| field_step(self.fields[i].kind, T::PRECISION));
         let last: [usize; N] = std::array::from_fn(|i| {
             let (field, bound) = (&fields[i], &self.fields[i]);
-            assert!(field.matches(bound) && field.len >= bound.len, "field {i} has no part as {bound:?}");
-            field.len - bound.len
+            let same = self.wanted[i].differs(field) & 3 == 0;
+            assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
+            field.len() - bound.len
         });
         scratch.reserve(self);
         for run in 0..self.runs() {
-            let bases: [*mut u8; N] = std::array::from_fn(|i| self.address(&fields[i], &self.fields[i], run));
+            let bases: [*mut u8; N] = std::array::from_fn(|i| self.wanted[i].address(&fields[i], run));
             let shared = self.arguments(scratch, masks_in, run);
             for starts in starts.clone() {
                 let mut addresses = bases;
@@ -239,14 +286,6 @@ impl<T: Float> Fragment<T> {
     /// How often the code runs for a block.
     fn runs(&self) -> usize {
         BLOCK_BYTES / self.statistics.isa.vector_bytes()
-    }
-
-    /// The address of a field that the code is given for a run on part of a block.
-    #[inline(always)]
-    fn address(&self, field: &FieldSlice<'_, T>, bound: &FieldUse, run: usize) -> *mut u8 {
-        let isa = self.statistics.isa;
-        let part = if bound.kind == FieldKind::Lanes { run * isa.vector_bytes() } else { 0 };
-        field.start.wrapping_add(part + bias(isa, field_step(bound.kind, T::PRECISION)))
     }
 
     /// What the code is given beside the fields, for a run on part of a block.
@@ -269,13 +308,22 @@ impl<T: Float> Fragment<T> {
         assert_eq!(fields.len(), self.fields.len(), "number of fields");
         assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
         assert_eq!(masks_out.len(), self.masks_out.len(), "number of masks returned");
-        for (i, (field, bound)) in fields.iter().zip(&self.fields).enumerate() {
+        let differences = fields.iter().zip(&self.wanted).fold(0, |all, (field, wanted)| all | wanted.differs(field));
+        if differences != 0 {
+            self.refuse(fields);
+        }
+    }
+
+    #[cold]
+    fn refuse(&self, fields: &[FieldSlice<'_, T>]) {
+        for (i, ((field, bound), wanted)) in fields.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
+            let (kind, writable) = (field.tag >> 1 & 1, field.tag & 1);
+            let kind = if kind == 0 { FieldKind::Lanes } else { FieldKind::Uniform };
             assert!(
-                field.serves(bound),
-                "field {i} is {:?}, length {}, writable {}; the fragment wants {bound:?}",
-                field.kind,
-                field.len,
-                field.writable
+                wanted.differs(field) == 0,
+                "field {i} is {kind:?}, length {}, writable {}; the fragment wants {bound:?}",
+                field.len(),
+                writable != 0
             );
         }
     }

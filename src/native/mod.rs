@@ -178,10 +178,21 @@ impl<T: Float> Native<T> {
         masks_out: &mut [u32],
     ) -> bool {
         let Some(fragment) = self.code.solver(part) else { return false };
-        let [a, b, c, d, e, f, g, h, i] = part.fields(solver).0.map(FieldSlice::write);
-        let cdof = FieldSlice::read(problem.position.cdof.as_flattened());
-        let (m, smooth) = (&problem.inertia.m, &problem.acceleration.qfrc_smooth);
-        let mut fields = [cdof, FieldSlice::read(m), FieldSlice::read(smooth), a, b, c, d, e, f, g, h, i];
+        let ([a, b, c, d, e, f, g, h, i], _) = part.fields(solver);
+        let mut fields = [
+            FieldSlice::read(problem.position.cdof.as_flattened()),
+            FieldSlice::read(&problem.inertia.m),
+            FieldSlice::read(&problem.acceleration.qfrc_smooth),
+            FieldSlice::write(a),
+            FieldSlice::write(b),
+            FieldSlice::write(c),
+            FieldSlice::write(d),
+            FieldSlice::write(e),
+            FieldSlice::write(f),
+            FieldSlice::write(g),
+            FieldSlice::write(h),
+            FieldSlice::write(i),
+        ];
         fragment.run(&mut self.scratch, &mut fields, masks_in, masks_out);
         true
     }

@@ -210,18 +210,26 @@ pub fn solve<L: LaneQuery>(
     left
 }
 
-/// Sizes the row vectors and finds touched links (`every`: all count as touched).
+/// Sizes the row vectors and finds touched links. If forces and stiffnesses of `every` link are read, those of the other
+/// links become zero, and stay so: nobody adds to them.
 fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, every: bool, work: &mut SolverWork<L>) {
     work.y.fit(constraint);
     work.jp.fit(constraint);
     work.force.fit(constraint);
     work.edges.fit(constraint);
-    work.touched.fill(every);
+    work.touched.fill(false);
     for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
         let mut l = row.link;
         while l != NONE && !work.touched[l as usize] {
             work.touched[l as usize] = true;
             l = model.links[l as usize].parent;
+        }
+    }
+    if every {
+        let Solver { wrench, stiffness, .. } = &mut work.fields;
+        for (l, _) in work.touched.iter().enumerate().filter(|(_, touched)| !**touched) {
+            wrench[l] = [L::zero(); 6];
+            stiffness[l] = [L::zero(); 21];
         }
     }
     work.fill.known = false;
