@@ -5,6 +5,7 @@ mod support;
 
 use lanesim::Model;
 use lanesim::convex::SupportCollider;
+use lanesim_kernels::code::Kernels;
 use lanesim_kernels::collision::Contact;
 use lanesim_kernels::fields::FieldView;
 use lanesim_kernels::lane::{LaneQuery, Real};
@@ -53,7 +54,9 @@ fn state<L: LaneQuery>(model: &Tables<L::Real>, worlds: &[World]) -> State<L> {
 fn step<L: LaneQuery>(model: &Tables<L::Real>, state: &State<L>, ws: &mut Workspace<L>) {
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
     let (convex, stages) = (&SupportCollider, Stages::up_to(Stage::Energy));
-    let mut run = Run { applied: None, clock: None, max_contacts: 1024, convex, stages, residual: false };
+    let code = &mut Kernels;
+    let mut run =
+        Run { applied: None, clock: None, max_contacts: 1024, convex, stages, residual: false, code, keep: true };
     pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
 }
 
