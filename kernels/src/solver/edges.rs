@@ -17,7 +17,8 @@ pub struct Edges<L> {
     pub contacts: Vec<[L; EDGE]>,
     /// Dry friction: (y, v, D, bound).
     frictions: Vec<[L; 4]>,
-    /// Elliptic contacts: (N, its derivative, T², half its derivative, and half of that's, μ̂, κ), at their places in the list.
+    /// Elliptic contacts, at their places in the list: (N, its derivative, T², half its derivative, that one's derivative,
+    /// μ̂, κ).
     pub ellipses: Vec<[L; ELLIPSE]>,
     /// 1 where no contact leaves its quadratic piece of the cost on a full step, else 0.
     pub same: [L; 1],
