@@ -184,7 +184,7 @@ impl Statistics {
             self.rows += if acts { worlds } else { count(row.d.gt(L::zero())) };
         }
         for row in &workspace.constraint.contact_rows {
-            self.rows += f64::from(row.rows()) * count(row.d.gt(L::zero()));
+            self.rows += f64::from(row.rows()) * count(workspace.constraint.law(row).d().gt(L::zero()));
         }
         let solver = &workspace.solver.statistics;
         self.block_iterations += f64::from(solver.block_niter);

@@ -89,7 +89,7 @@ impl Default for Options {
 #[derive(Clone, Debug)]
 pub struct CodePart {
     /// Name.
-    pub name: &'static str,
+    pub name: String,
     /// Figures; `None`: straight-line code would be too large, and the kernels do it.
     pub statistics: Option<Statistics>,
     /// The instructions, one a line.

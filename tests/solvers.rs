@@ -198,6 +198,20 @@ fn single_precision_stays_near() {
     }
 }
 
+/// Code made for a model finds what the kernels find, bit for bit, whatever the contacts.
+#[test]
+fn code_finds_the_same() {
+    let fields = ["qacc", "qfrc_constraint", "efc_force"];
+    for case in Case::all() {
+        for (solver, precision) in [(&NEWTON, Precision::F64), (&NEWTON, Precision::F32), (&CG, Precision::F32)] {
+            let model = case.model(solver, &[("iterations", "20")]);
+            let [wide, native] = [Backend::Wide, Backend::Native]
+                .map(|backend| case.eval(&model, &fields, &options(precision, backend)));
+            assert!(wide == native, "{} {} {precision:?}", solver.name, case.name);
+        }
+    }
+}
+
 /// Row forces, each beside the recorded row it belongs to, and the generalised force that they add up to.
 #[test]
 fn forces_are_the_minimisers() {

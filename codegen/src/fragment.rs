@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use crate::allocate::allocate;
 use crate::error::CompileError;
-use crate::float::{BLOCK_BYTES, Float};
+use crate::float::{BLOCK_BYTES, Float, Precision};
 use crate::isa::InstructionSet;
 use crate::layout::{Bindings, bias, constant_bias, constant_bytes, field_step};
 use crate::lower::{MaskOutput, lower};
@@ -24,24 +24,26 @@ const ZEROS: Aligned = Aligned([0; BLOCK_BYTES]);
 /// A field for a run of a fragment: borrowed memory.
 pub struct FieldSlice<'a, T> {
     start: *mut u8,
-    len: usize,
-    kind: FieldKind,
-    writable: bool,
+    /// Length and flags in one word, see [`tag`], so that one comparison does.
+    tag: usize,
     borrowed: PhantomData<&'a mut T>,
 }
 
 impl<'a, T: Float> FieldSlice<'a, T> {
     /// A field that is read.
+    #[inline(always)]
     pub fn read(lanes: &'a [T::Block]) -> Self {
         Self::new(lanes.as_ptr().cast_mut().cast(), lanes.len(), FieldKind::Lanes, false)
     }
 
     /// A field that is written, and perhaps read.
+    #[inline(always)]
     pub fn write(lanes: &'a mut [T::Block]) -> Self {
         Self::new(lanes.as_mut_ptr().cast(), lanes.len(), FieldKind::Lanes, true)
     }
 
     /// A field of numbers that all worlds share.
+    #[inline(always)]
     pub fn uniform(numbers: &'a [T]) -> Self {
         Self::new(numbers.as_ptr().cast_mut().cast(), numbers.len(), FieldKind::Uniform, false)
     }
@@ -51,12 +53,57 @@ impl<'a, T: Float> FieldSlice<'a, T> {
         Self::read(&[])
     }
 
+    #[inline(always)]
     fn new(start: *mut u8, len: usize, kind: FieldKind, writable: bool) -> Self {
-        FieldSlice { start, len, kind, writable, borrowed: PhantomData }
+        FieldSlice { start, tag: tag(len, kind, writable), borrowed: PhantomData }
     }
 
-    fn serves(&self, bound: &FieldUse) -> bool {
-        self.len == bound.len && (self.kind == bound.kind || bound.len == 0) && (self.writable || !bound.written)
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.tag >> 2
+    }
+}
+
+/// A field's length, kind and mutability as a number; slices are too short for any bit to be lost.
+#[inline(always)]
+const fn tag(len: usize, kind: FieldKind, writable: bool) -> usize {
+    len << 2 | (matches!(kind, FieldKind::Uniform) as usize) << 1 | writable as usize
+}
+
+/// A field as the code wants it, ready to be compared and addressed.
+#[derive(Clone, Copy)]
+struct Wanted {
+    tag: usize,
+    /// Bits of the tag that matter: mutability where it is written, kind where it is not empty.
+    mask: usize,
+    /// Distance from its start to the address that the code is given, bytes.
+    bias: usize,
+    /// Bytes from there to the address for the next part of the block.
+    part: usize,
+}
+
+impl Wanted {
+    fn new(bound: &FieldUse, isa: InstructionSet, precision: Precision) -> Self {
+        let indifferent =
+            usize::from(!bound.written) | if bound.len == 0 { tag(0, FieldKind::Uniform, false) } else { 0 };
+        Wanted {
+            tag: tag(bound.len, bound.kind, bound.written),
+            mask: !indifferent,
+            bias: bias(isa, field_step(bound.kind, precision)),
+            part: if bound.kind == FieldKind::Lanes { isa.vector_bytes() } else { 0 },
+        }
+    }
+
+    /// Bits in which the field differs.
+    #[inline(always)]
+    fn differs<T>(&self, field: &FieldSlice<'_, T>) -> usize {
+        (field.tag ^ self.tag) & self.mask
+    }
+
+    /// The address of the field for a run on part of a block.
+    #[inline(always)]
+    fn address<T>(&self, field: &FieldSlice<'_, T>, run: usize) -> *mut u8 {
+        field.start.wrapping_add(self.bias + run * self.part)
     }
 }
 
@@ -101,6 +148,8 @@ pub struct Fragment<T> {
     code: Code,
     constants: Vec<Aligned>,
     fields: Vec<FieldUse>,
+    /// The same fields.
+    wanted: Vec<Wanted>,
     masks_in: usize,
     masks_out: Vec<MaskOutput>,
     /// Blocks of memory for spilled values.
@@ -150,6 +199,7 @@ impl<T: Float> Program<T> {
         };
         Ok(Fragment {
             constants: constants.collect(),
+            wanted: self.fields.iter().map(|bound| Wanted::new(bound, isa, precision)).collect(),
             fields: self.fields.clone(),
             masks_in,
             masks_out: lowered.masks_out,
@@ -178,28 +228,79 @@ impl<T: Float> Fragment<T> {
         self.check(fields, masks_in, masks_out);
         scratch.reserve(self);
         let isa = self.statistics.isa;
-        let runs = BLOCK_BYTES / isa.vector_bytes();
-        let lanes = T::PRECISION.lanes() / runs;
-        for run in 0..runs {
-            for ((address, field), bound) in scratch.fields.iter_mut().zip(&*fields).zip(&self.fields) {
-                let part = if bound.kind == FieldKind::Lanes { run * isa.vector_bytes() } else { 0 };
-                *address = field.start.wrapping_add(part + bias(isa, field_step(bound.kind, T::PRECISION)));
+        for run in 0..self.runs() {
+            for ((address, field), wanted) in scratch.fields.iter_mut().zip(&*fields).zip(&self.wanted) {
+                *address = wanted.address(field, run);
             }
-            for (word, given) in scratch.masks_in.iter_mut().zip(masks_in) {
-                *word = given >> (run * lanes);
-            }
-            let arguments = Arguments {
-                fields: scratch.fields.as_ptr(),
-                constants: self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(isa, T::PRECISION)),
-                slots: scratch.slots.as_mut_ptr().cast::<u8>().wrapping_add(bias(isa, isa.vector_bytes())),
-                masks_in: scratch.masks_in.as_ptr(),
-                masks_out: scratch.masks_out.as_mut_ptr(),
-            };
+            let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
             // SAFETY: `check` has compared kinds, lengths and mutability of all fields with those that the code was emitted
             // for; `Block` types and `Aligned` are aligned to 64 bytes; scratch and constants have the lengths that the
             // code was emitted for; the fields' borrows last until the end of this function, mutable where written to.
             unsafe { self.code.run(&arguments) };
-            self.collect_masks(&scratch.masks_out, run * lanes, masks_out);
+            self.collect_masks(&scratch.masks_out, run * isa.vector_bytes() / T::PRECISION.bytes(), masks_out);
+        }
+    }
+
+    /// Runs the code once for every item of `starts`, one after the other, on parts of larger fields: of each field the
+    /// recorded number of entries from the start that the item gives for it. What a run writes, the next one reads.
+    ///
+    /// # Panics
+    ///
+    /// If the code returns masks, a field's kind differs from what was recorded, a field that is written was lent for
+    /// reading only, the number of fields or masks differs, or a part does not lie within its field.
+    pub fn run_each<const N: usize>(
+        &self,
+        scratch: &mut Scratch,
+        fields: &mut [FieldSlice<'_, T>; N],
+        masks_in: &[u32],
+        starts: impl Iterator<Item = [usize; N]> + Clone,
+    ) {
+        assert_eq!(self.fields.len(), N, "number of fields");
+        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
+        assert!(self.masks_out.is_empty(), "code that returns masks runs once");
+        let steps: [usize; N] = std::array::from_fn(|i| field_step(self.fields[i].kind, T::PRECISION));
+        let last: [usize; N] = std::array::from_fn(|i| {
+            let (field, bound) = (&fields[i], &self.fields[i]);
+            let same = self.wanted[i].differs(field) & 3 == 0;
+            assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
+            field.len() - bound.len
+        });
+        scratch.reserve(self);
+        for run in 0..self.runs() {
+            let bases: [*mut u8; N] = std::array::from_fn(|i| self.wanted[i].address(&fields[i], run));
+            let shared = self.arguments(scratch, masks_in, run);
+            for starts in starts.clone() {
+                let mut addresses = bases;
+                for i in 0..N {
+                    assert!(starts[i] <= last[i], "part of field {i} from {}", starts[i]);
+                    addresses[i] = bases[i].wrapping_add(starts[i] * steps[i]);
+                }
+                // SAFETY: as in `run`, with parts of fields that lie within them: their kinds and mutability were compared
+                // above, and `last` is the largest start from which a field still has the recorded number of entries. The
+                // addresses are read during the call only.
+                unsafe { self.code.run(&Arguments { fields: addresses.as_ptr(), ..shared }) };
+            }
+        }
+    }
+
+    /// How often the code runs for a block.
+    fn runs(&self) -> usize {
+        BLOCK_BYTES / self.statistics.isa.vector_bytes()
+    }
+
+    /// What the code is given beside the fields, for a run on part of a block.
+    #[inline(always)]
+    fn arguments(&self, scratch: &mut Scratch, masks_in: &[u32], run: usize) -> Arguments {
+        let isa = self.statistics.isa;
+        for (word, given) in scratch.masks_in.iter_mut().zip(masks_in) {
+            *word = given >> (run * isa.vector_bytes() / T::PRECISION.bytes());
+        }
+        Arguments {
+            fields: std::ptr::null(),
+            constants: self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(isa, T::PRECISION)),
+            slots: scratch.slots.as_mut_ptr().cast::<u8>().wrapping_add(bias(isa, isa.vector_bytes())),
+            masks_in: scratch.masks_in.as_ptr(),
+            masks_out: scratch.masks_out.as_mut_ptr(),
         }
     }
 
@@ -207,13 +308,22 @@ impl<T: Float> Fragment<T> {
         assert_eq!(fields.len(), self.fields.len(), "number of fields");
         assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
         assert_eq!(masks_out.len(), self.masks_out.len(), "number of masks returned");
-        for (i, (field, bound)) in fields.iter().zip(&self.fields).enumerate() {
+        let differences = fields.iter().zip(&self.wanted).fold(0, |all, (field, wanted)| all | wanted.differs(field));
+        if differences != 0 {
+            self.refuse(fields);
+        }
+    }
+
+    #[cold]
+    fn refuse(&self, fields: &[FieldSlice<'_, T>]) {
+        for (i, ((field, bound), wanted)) in fields.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
+            let (kind, writable) = (field.tag >> 1 & 1, field.tag & 1);
+            let kind = if kind == 0 { FieldKind::Lanes } else { FieldKind::Uniform };
             assert!(
-                field.serves(bound),
-                "field {i} is {:?}, length {}, writable {}; the fragment wants {bound:?}",
-                field.kind,
-                field.len,
-                field.writable
+                wanted.differs(field) == 0,
+                "field {i} is {kind:?}, length {}, writable {}; the fragment wants {bound:?}",
+                field.len(),
+                writable != 0
             );
         }
     }

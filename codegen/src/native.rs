@@ -11,6 +11,7 @@ use crate::layout::Bindings;
 use crate::memory::ExecutableMemory;
 
 /// Addresses for a run of the code, as `emit` describes them.
+#[derive(Clone, Copy)]
 pub(crate) struct Arguments {
     pub fields: *const *mut u8,
     pub constants: *const u8,
@@ -52,6 +53,7 @@ impl Code {
     /// The addresses must be those of memory as large as the code was emitted for, aligned to 64 bytes (fields of lanes,
     /// constants, slots) or to their entries (uniform fields, masks), biased as [`crate::layout::bias`] says, and what is
     /// written to must be borrowed mutably.
+    #[inline]
     pub unsafe fn run(&self, arguments: &Arguments) {
         // SAFETY: the pages hold a function of this signature, complete with its return, which `emit` has written; they stay
         // mapped and unchanged as long as `self`.

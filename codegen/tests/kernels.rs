@@ -16,6 +16,7 @@ use lanesim_kernels::lane::{Lane, LaneQuery, Real};
 use lanesim_kernels::model::{Cast, Model as Tables};
 use lanesim_kernels::passive::{self, Passive};
 use lanesim_kernels::position::{self, Position};
+use lanesim_kernels::state::State;
 use lanesim_kernels::velocity::{self, Velocity};
 use support::{Random, assert_same, instruction_sets};
 
@@ -50,8 +51,10 @@ impl<L: Lane> Stages<L> {
         inertia::crb(model, &s.position, &mut s.inertia);
         velocity::rne(model, &s.position, &s.inertia, qvel, &mut s.velocity);
         passive::passive(model, &s.position, qpos, qvel, &mut s.passive);
-        actuation::transmission(model, qpos, &mut s.actuation);
-        let bad = actuation::actuation(model, ctrl, qvel, &s.passive, &mut s.actuation);
+        let (qpos, qvel, ctrl) = (qpos.to_vec(), qvel.to_vec(), ctrl.to_vec());
+        let state = State { qpos, qvel, ctrl, ..State::new(sizes) };
+        let State { qpos, qvel, .. } = &state;
+        let bad = actuation::actuation(model, &state, &s.passive, &mut s.actuation);
         let a = &mut s.acceleration;
         acceleration::smooth_force(model, &s.position, &s.velocity, &s.passive, &s.actuation, None, a);
         let singular = acceleration::smooth_acceleration(model, &s.position, &s.inertia, a);

@@ -1,6 +1,9 @@
 //! Parts of a step as code made for the model: straight lines in place of loops over its tables.
 
+use crate::constraint::Constraint;
 use crate::lane::LaneQuery;
+use crate::solver::contact::Contacts;
+use crate::solver::edges::Edges;
 use crate::solver::{Problem, Solver};
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
@@ -39,9 +42,56 @@ pub trait Code<L: LaneQuery> {
         false
     }
 
-    /// [`solver::gather`](crate::solver::gather), with contacts on any link: returns the lanes that have converged.
-    fn gather(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> Option<u32> {
+    /// [`solver::gather`](crate::solver::gather), with contacts on any link: returns the lanes that have converged, and
+    /// those that stood still.
+    fn gather(&mut self, _: &Problem<'_, L>, _open: u32, _: &mut Solver<L>) -> Option<[u32; 2]> {
         None
+    }
+
+    /// [`contact::survey`](crate::solver::contact::survey) of the contacts: motions of links, y, twice the cost.
+    fn survey(
+        &mut self,
+        _: &Constraint<L>,
+        _: Contacts<'_>,
+        _twist: &[[L; 6]],
+        _y: &mut [L],
+        _twice: &mut [L; 1],
+    ) -> bool {
+        false
+    }
+
+    /// [`contact::approach`](crate::solver::contact::approach) of the contacts: motions of links, y, J p.
+    fn approach(
+        &mut self,
+        _: &Constraint<L>,
+        _: Contacts<'_>,
+        _twist: &[[L; 6]],
+        _y: &[L],
+        _jp: &mut [L],
+        _: &mut Edges<L>,
+    ) -> bool {
+        false
+    }
+
+    /// [`contact::act`](crate::solver::contact::act) of the contacts: J p, y, forces, forces on links.
+    #[allow(clippy::too_many_arguments)] // all that contacts have
+    fn act(
+        &mut self,
+        _: &Constraint<L>,
+        _: Contacts<'_>,
+        _step: L,
+        _open: u32,
+        _jp: &[L],
+        _y: &mut [L],
+        _force: &mut [L],
+        _wrench: &mut [[L; 6]],
+    ) -> bool {
+        false
+    }
+
+    /// [`contact::stiffen`](crate::solver::contact::stiffen) of the contacts: y, stiffnesses of links.
+    fn stiffen(&mut self, _: &Constraint<L>, _: Contacts<'_>, _y: &[L], _stiffness: &mut [[L; 21]]) -> bool {
+        false
     }
 
     /// Whether `curve` and `gather` want the forces and stiffnesses of links without contacts to be zero.

@@ -89,7 +89,8 @@ class Worlds:
     on_diverge: what happens to worlds whose state would become NaN, infinite or huge. "freeze": they keep their last good
         state, and `status` says so. "reset": they start anew from the reference configuration and go on; `status` keeps
         what happened. "raise": they are frozen, and `step` raises `DivergedError` once all others are done.
-    backend: "auto", "wide" (SIMD lanes) or "scalar" (one world at a time; the same bits).
+    backend: "auto", "native" (machine code made for the model), "wide" (SIMD lanes) or "scalar" (one world at a time);
+        the same bits. "auto" is "native" where the machine allows it, else "wide".
     max_contacts: most contacts of a world.
 
     Worlds can be copied and pickled: what `save_state` saves goes along. They cannot be used in a forked process.
@@ -115,7 +116,7 @@ class Worlds:
         nworld = _arrays.count("nworld", nworld, 1)
         _arrays.choice("precision", precision, PRECISIONS)
         _arrays.choice("on_diverge", on_diverge, ("freeze", "reset", "raise"))
-        _arrays.choice("backend", backend, ("auto", "wide", "scalar"))
+        _arrays.choice("backend", backend, ("auto", "native", "wide", "scalar"))
         threads = None if threads is None else _arrays.count("threads", threads, 1)
         max_contacts = _arrays.count("max_contacts", max_contacts, 0)
         self._model = copy.copy(model)  # Options set later concern worlds made later.

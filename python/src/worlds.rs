@@ -83,8 +83,10 @@ impl Choice {
             backend: match &*self.backend {
                 "scalar" => Backend::Scalar,
                 "wide" => Backend::Wide,
+                "native" => Backend::Native,
                 _ => Backend::Auto,
             },
+            instructions: None,
             threads: self.threads,
             on_diverge: match &*self.on_diverge {
                 "reset" => OnDiverge::Reset { key: None },

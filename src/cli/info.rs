@@ -81,7 +81,7 @@ impl Info {
 
 /// Prints the instructions of one part.
 fn disassembly(code: &[CodePart], name: &str) -> Result<(), Failure> {
-    let names: Vec<&str> = code.iter().map(|part| part.name).collect();
+    let names: Vec<&str> = code.iter().map(|part| &*part.name).collect();
     let part = code.iter().find(|part| part.name == name);
     let part = part.ok_or_else(|| Failure::Usage(format!("no part {name}; there are {}", names.join(", "))))?;
     let text = part.disassembly.as_ref();
@@ -107,7 +107,7 @@ fn code_rows(code: &[CodePart]) -> Vec<(&str, String)> {
     };
     let set = code.iter().find_map(|part| part.statistics.as_ref()).map_or("", |s| s.isa.name());
     let title = vec![("", String::new()), ("machine code", set.to_owned())];
-    title.into_iter().chain(code.iter().map(|part| (part.name, figures(part)))).collect()
+    title.into_iter().chain(code.iter().map(|part| (&*part.name, figures(part)))).collect()
 }
 
 /// The same as JSON.

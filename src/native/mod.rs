@@ -3,19 +3,24 @@
 //! A part is recorded and compiled when it is first needed, once per model, number type and instruction set. Parts whose
 //! straight-line code would be too large stay with the kernels.
 
+mod contacts;
 mod parts;
 
 use std::sync::{Arc, OnceLock};
 
 use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch};
 use lanesim_kernels::code::Code;
+use lanesim_kernels::constraint::Constraint;
 use lanesim_kernels::model::Model as Tables;
 use lanesim_kernels::options;
+use lanesim_kernels::solver::contact::{Contacts, Kind};
+use lanesim_kernels::solver::edges::Edges;
 use lanesim_kernels::solver::{Problem, Solver};
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::workspace::Workspace;
 
-use parts::{SOLVER_FIELDS, SmoothKind, SolverPart};
+use contacts::{ContactCode, ContactPart};
+use parts::{SmoothKind, SolverPart};
 
 /// Operations beyond which a part stays with the kernels: its code would not stay in a core's cache.
 const MOST_OPERATIONS: usize = 60_000;
@@ -39,6 +44,7 @@ pub(crate) struct ModelCode<T: Float> {
     /// The same.
     polish: [Part<T>; 2],
     gather: Part<T>,
+    contacts: ContactCode<T>,
 }
 
 impl<T: Float> ModelCode<T> {
@@ -59,6 +65,7 @@ impl<T: Float> ModelCode<T> {
             descend: Default::default(),
             polish: Default::default(),
             gather: Part::new(),
+            contacts: ContactCode::default(),
         };
         // Whether the system lets new code run shows at the first piece.
         let euler = parts::euler(tables).compile(isa)?;
@@ -101,22 +108,34 @@ impl<T: Float> ModelCode<T> {
         self.get(place, |tables| part.operations(tables), |tables| parts::solver(tables, part))
     }
 
+    fn contact(&self, part: ContactPart, kind: Kind) -> Option<&Fragment<T>> {
+        self.contacts.get(part, kind, self.isa)
+    }
+
     /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.
-    pub fn parts(&self) -> Vec<(&'static str, Option<&Fragment<T>>)> {
-        let solver = |part| self.solver(part);
+    pub fn parts(&self) -> Vec<(String, Option<&Fragment<T>>)> {
         let mut all = vec![
-            ("smooth", self.smooth(SmoothKind { applied: false, keep: false })),
-            ("euler", self.euler.get().and_then(Option::as_ref)),
+            ("smooth".to_owned(), self.smooth(SmoothKind { applied: false, keep: false })),
+            ("euler".to_owned(), self.euler.get().and_then(Option::as_ref)),
         ];
-        if self.tables.constrained() && self.tables.options.solver != options::Solver::Pgs {
-            all.push(("solver.motion", solver(SolverPart::Motion)));
-            all.push(("solver.gather", solver(SolverPart::Gather)));
-            if self.tables.options.solver == options::Solver::Newton {
-                all.push(("solver.curve", solver(SolverPart::Curve)));
-                all.push(("solver.descend", solver(SolverPart::Descend { filled: false })));
-                if self.tables.pairs.iter().any(|pair| pair.cross) {
-                    all.push(("solver.descend filled", solver(SolverPart::Descend { filled: true })));
-                }
+        let solver = self.tables.options.solver;
+        if !self.tables.constrained() || solver == options::Solver::Pgs {
+            return all;
+        }
+        let newton = solver == options::Solver::Newton;
+        let joins = self.tables.pairs.iter().any(|pair| pair.cross);
+        let parts = [
+            ("motion", SolverPart::Motion, true),
+            ("gather", SolverPart::Gather, true),
+            ("curve", SolverPart::Curve, newton),
+            ("descend", SolverPart::Descend { filled: false }, newton),
+            ("descend filled", SolverPart::Descend { filled: true }, newton && joins),
+        ];
+        let wanted = parts.into_iter().filter(|(.., wanted)| *wanted);
+        all.extend(wanted.map(|(name, part, _)| (format!("solver.{name}"), self.solver(part))));
+        for kind in contacts::kinds(&self.tables) {
+            for (part, name) in ContactPart::ALL {
+                all.push((format!("contact.{name} {:?} {}", kind.cone, kind.dim), self.contact(part, kind)));
             }
         }
         all
@@ -163,17 +182,26 @@ impl<T: Float> Native<T> {
         part: SolverPart,
         problem: &Problem<'_, T::Block>,
         solver: &mut Solver<T::Block>,
-        masks: &mut [u32],
+        masks_in: &[u32],
+        masks_out: &mut [u32],
     ) -> bool {
         let Some(fragment) = self.code.solver(part) else { return false };
-        let mut fields: [FieldSlice<'_, T>; 3 + SOLVER_FIELDS] = std::array::from_fn(|_| FieldSlice::unused());
-        fields[0] = FieldSlice::read(problem.position.cdof.as_flattened());
-        fields[1] = FieldSlice::read(&problem.inertia.m);
-        fields[2] = FieldSlice::read(&problem.acceleration.qfrc_smooth);
-        for (field, lanes) in fields[3..].iter_mut().zip(part.fields(solver).0) {
-            *field = FieldSlice::write(lanes);
-        }
-        fragment.run(&mut self.scratch, &mut fields, &[], masks);
+        let ([a, b, c, d, e, f, g, h, i], _) = part.fields(solver);
+        let mut fields = [
+            FieldSlice::read(problem.position.cdof.as_flattened()),
+            FieldSlice::read(&problem.inertia.m),
+            FieldSlice::read(&problem.acceleration.qfrc_smooth),
+            FieldSlice::write(a),
+            FieldSlice::write(b),
+            FieldSlice::write(c),
+            FieldSlice::write(d),
+            FieldSlice::write(e),
+            FieldSlice::write(f),
+            FieldSlice::write(g),
+            FieldSlice::write(h),
+            FieldSlice::write(i),
+        ];
+        fragment.run(&mut self.scratch, &mut fields, masks_in, masks_out);
         true
     }
 }
@@ -227,24 +255,73 @@ impl<L: Block> Code<L> for Native<L::Float> {
     }
 
     fn motion(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Motion, problem, solver, &mut [])
+        self.solver(SolverPart::Motion, problem, solver, &[], &mut [])
     }
 
     fn curve(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Curve, problem, solver, &mut [])
+        self.solver(SolverPart::Curve, problem, solver, &[], &mut [])
     }
 
     fn descend(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Descend { filled: problem.constraint.cross }, problem, solver, &mut [])
+        self.solver(SolverPart::Descend { filled: problem.constraint.cross }, problem, solver, &[], &mut [])
     }
 
     fn polish(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Polish { filled: problem.constraint.cross }, problem, solver, &mut [])
+        self.solver(SolverPart::Polish { filled: problem.constraint.cross }, problem, solver, &[], &mut [])
     }
 
-    fn gather(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> Option<u32> {
-        let mut converged = [0];
-        self.solver(SolverPart::Gather, problem, solver, &mut converged).then_some(converged[0])
+    fn gather(&mut self, problem: &Problem<'_, L>, open: u32, solver: &mut Solver<L>) -> Option<[u32; 2]> {
+        let mut arrived = [0; 2];
+        self.solver(SolverPart::Gather, problem, solver, &[open], &mut arrived).then_some(arrived)
+    }
+
+    fn survey(
+        &mut self,
+        constraint: &Constraint<L>,
+        list: Contacts<'_>,
+        twist: &[[L; 6]],
+        y: &mut [L],
+        twice: &mut [L; 1],
+    ) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Survey, list.kind) else { return false };
+        contacts::survey(fragment, &mut self.scratch, constraint, list, twist, y, twice);
+        true
+    }
+
+    fn approach(
+        &mut self,
+        constraint: &Constraint<L>,
+        list: Contacts<'_>,
+        twist: &[[L; 6]],
+        y: &[L],
+        jp: &mut [L],
+        edges: &mut Edges<L>,
+    ) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Approach, list.kind) else { return false };
+        contacts::approach(fragment, &mut self.scratch, constraint, list, twist, y, jp, edges);
+        true
+    }
+
+    fn act(
+        &mut self,
+        constraint: &Constraint<L>,
+        list: Contacts<'_>,
+        step: L,
+        open: u32,
+        jp: &[L],
+        y: &mut [L],
+        force: &mut [L],
+        wrench: &mut [[L; 6]],
+    ) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Act, list.kind) else { return false };
+        contacts::act(fragment, &mut self.scratch, constraint, list, (step, open), jp, y, force, wrench);
+        true
+    }
+
+    fn stiffen(&mut self, constraint: &Constraint<L>, list: Contacts<'_>, y: &[L], stiffness: &mut [[L; 21]]) -> bool {
+        let Some(fragment) = self.code.contact(ContactPart::Stiffen, list.kind) else { return false };
+        contacts::stiffen(fragment, &mut self.scratch, constraint, list, y, stiffness);
+        true
     }
 
     fn every_link(&self) -> bool {

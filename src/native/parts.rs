@@ -13,7 +13,7 @@ use lanesim_kernels::options;
 use lanesim_kernels::passive::Passive;
 use lanesim_kernels::pipeline::{self, Smooth};
 use lanesim_kernels::position::Position;
-use lanesim_kernels::solver::{self, Problem, Solver};
+use lanesim_kernels::solver::{self, Arrival, Problem, Solver};
 use lanesim_kernels::stage::Stage;
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::velocity::Velocity;
@@ -42,21 +42,22 @@ pub enum SolverPart {
 }
 
 /// Most fields of the solver that a part works on.
-pub const SOLVER_FIELDS: usize = 6;
+pub const SOLVER_FIELDS: usize = 9;
 
 impl SolverPart {
     /// The solver's fields that it works on, and how many of the first of them it changes.
+    #[inline]
     pub fn fields<L: Lane>(self, solver: &mut Solver<L>) -> ([&mut [L]; SOLVER_FIELDS], usize) {
-        let Solver {
-            search, msearch, twist, stiffness, hessian, gradient, inverse, qfrc_constraint, wrench, ma, ..
-        } = solver;
-        let twist = twist.as_flattened_mut();
+        let Solver { search, msearch, along, step, hessian, inverse, gradient, qfrc_constraint, qacc, ma, .. } = solver;
+        let twist = solver.twist.as_flattened_mut();
+        let (stiffness, wrench) = (solver.stiffness.as_flattened_mut(), solver.wrench.as_flattened_mut());
+        let no = || -> &mut [L] { &mut [] };
         match self {
-            SolverPart::Motion => ([msearch, twist, search, &mut [], &mut [], &mut []], 2),
-            SolverPart::Curve => ([hessian, stiffness.as_flattened_mut(), &mut [], &mut [], &mut [], &mut []], 1),
-            SolverPart::Descend { .. } => ([search, msearch, twist, hessian, inverse, gradient], 5),
-            SolverPart::Polish { .. } => ([search, msearch, twist, hessian, inverse, gradient], 3),
-            SolverPart::Gather => ([qfrc_constraint, gradient, wrench.as_flattened_mut(), ma, &mut [], &mut []], 2),
+            SolverPart::Motion => ([msearch, along, twist, search, ma, gradient, no(), no(), no()], 3),
+            SolverPart::Curve => ([hessian, stiffness, no(), no(), no(), no(), no(), no(), no()], 1),
+            SolverPart::Descend { .. } => ([search, msearch, along, twist, hessian, inverse, gradient, ma, no()], 6),
+            SolverPart::Polish { .. } => ([search, msearch, along, twist, hessian, inverse, gradient, ma, no()], 4),
+            SolverPart::Gather => ([qfrc_constraint, gradient, qacc, ma, wrench, search, msearch, along, step], 4),
         }
     }
 }
@@ -195,7 +196,7 @@ pub fn euler<T: Float>(model: &Model<T>) -> Program<T> {
     binder.recording.finish()
 }
 
-/// Fields: dof axes, M, smooth force; those of [`SolverPart::fields`]. Mask of `Gather`: converged.
+/// Fields: dof axes, M, smooth force; those of [`SolverPart::fields`]. Masks of `Gather`: open; converged, still.
 pub fn solver<T: Float>(model: &Model<T>, part: SolverPart) -> Program<T> {
     let mut binder = Binder::new();
     let mut position = Position::<Recorder<T>>::new(&model.sizes);
@@ -225,8 +226,10 @@ pub fn solver<T: Float>(model: &Model<T>, part: SolverPart) -> Program<T> {
             solver::polish(&problem, &pattern, &mut work);
         }
         SolverPart::Gather => {
-            let converged = solver::gather(&problem, &every, &mut work);
+            let open = binder.recording.mask_input();
+            let Arrival { converged, still } = solver::gather(&problem, &every, open, &mut work);
             binder.recording.mask_output(converged);
+            binder.recording.mask_output(still);
         }
     }
     let (fields, changed) = part.fields(&mut work);

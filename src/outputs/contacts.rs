@@ -1,7 +1,7 @@
 //! Contacts and constraint rows of one world, in MuJoCo's order and layout.
 
 use lanesim_kernels::collision::{origin, reference};
-use lanesim_kernels::constraint::{Cone, ContactRow, DofRow, DofRowKind};
+use lanesim_kernels::constraint::{Cone, ContactRow, DofRow, DofRowKind, Law};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::NONE;
 use lanesim_kernels::options::Solver;
@@ -42,7 +42,8 @@ pub(super) fn count<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize {
 pub(super) fn count_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize {
     let constraint = &view.workspace.constraint;
     let acts = |d: &L| d.get(lane).to_f64() > 0.0;
-    let contacts = constraint.contact_rows.iter().filter(|row| acts(&row.d)).map(|row| row.rows() as usize);
+    let contacts =
+        constraint.contact_rows.iter().filter(|row| acts(&constraint.law(row).d())).map(|row| row.rows() as usize);
     constraint.dof_rows.iter().filter(|row| acts(&row.d)).count() + contacts.sum::<usize>()
 }
 
@@ -119,7 +120,7 @@ fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact],
     for row in &constraint.contact_rows {
         let first_edge = edge;
         edge += if row.cone == Cone::Pyramid { 2 * (row.dim as usize - 1) } else { 0 };
-        if row.d.get(lane).to_f64() > 0.0 {
+        if constraint.law(row).d().get(lane).to_f64() > 0.0 {
             let Some(n) = contacts.iter().position(|c| c.index == row.contact as usize) else { continue };
             contacts[n].row = Some(out.len());
             let forces =
@@ -161,7 +162,7 @@ fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, force
 }
 
 /// Forces of a contact's rows. The first edge of a pyramid is `first_edge` among the block's.
-fn contact_forces<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>, first_edge: usize) -> Vec<f64> {
+fn contact_forces<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow, first_edge: usize) -> Vec<f64> {
     let range = row.component as usize..(row.component + row.dim) as usize;
     let work = &view.workspace.solver;
     let read = |lanes: &[L]| lanes.iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
@@ -173,21 +174,22 @@ fn contact_forces<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRo
     if options.solver == Solver::Pgs || options.noslip_iterations > 0 {
         return read(&work.edge_force[first_edge..first_edge + row.rows() as usize]);
     }
-    let (d, y) = (number(&row.d, lane), read(&work.y.component[range]));
-    signed_friction(row, lane).map(|(j, mu)| (-d * mu.mul_add(y[j], y[0])).max(0.0)).collect()
+    let law = view.workspace.constraint.law(row);
+    let (d, y) = (number(&law.d(), lane), read(&work.y.component[range]));
+    signed_friction(law, row.dim, lane).map(|(j, mu)| (-d * mu.mul_add(y[j], y[0])).max(0.0)).collect()
 }
 
 /// Component and signed friction of every edge of a pyramid.
-fn signed_friction<L: LaneQuery>(row: &ContactRow<L>, lane: usize) -> impl Iterator<Item = (usize, f64)> {
-    let mu = move |j: usize| number(&row.friction[j - 1], lane);
-    (1..row.dim as usize).flat_map(move |j| [(j, mu(j)), (j, -mu(j))])
+fn signed_friction<L: LaneQuery>(law: Law<'_, L>, dim: u32, lane: usize) -> impl Iterator<Item = (usize, f64)> {
+    let mu = move |j: usize| number(&law.friction(j), lane);
+    (1..dim as usize).flat_map(move |j| [(j, mu(j)), (j, -mu(j))])
 }
 
 /// The rows of a contact: its normal, the edges of its pyramid, or its components.
 fn contact_rows<L: LaneQuery>(
     view: &View<'_, L>,
     lane: usize,
-    row: &ContactRow<L>,
+    row: &ContactRow,
     id: usize,
     forces: &[f64],
     out: &mut Vec<Row>,
@@ -196,7 +198,8 @@ fn contact_rows<L: LaneQuery>(
     let components = component_jacobians(view, lane, row);
     let reference = &view.workspace.constraint.reference[first..first + dim];
     let reference: Vec<f64> = reference.iter().map(|x| number(x, lane)).collect();
-    let d = number(&row.d, lane);
+    let law = view.workspace.constraint.law(row);
+    let d = number(&law.d(), lane);
     let margin = view.tables.pairs[row.pair as usize].margin.to_f64();
     let pos = number(&view.workspace.collision.contacts[row.contact as usize].dist, lane);
     match row.cone {
@@ -205,7 +208,7 @@ fn contact_rows<L: LaneQuery>(
             out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[0], force: forces[0] });
         }
         Cone::Pyramid => {
-            for ((j, mu), force) in signed_friction(row, lane).zip(forces) {
+            for ((j, mu), force) in signed_friction(law, row.dim, lane).zip(forces) {
                 let edge = |dof: usize| mu.mul_add(components[j][dof], components[0][dof]);
                 out.push(Row {
                     kind: CONTACT_PYRAMIDAL,
@@ -221,8 +224,8 @@ fn contact_rows<L: LaneQuery>(
         }
         Cone::Ellipse => {
             for (j, jacobian) in components.into_iter().enumerate() {
-                let mu = |j: usize| number(&row.friction[j - 1], lane);
-                let ratio = if j == 0 { 1.0 } else { (mu(j) / number(&row.mu, lane)).powi(2) };
+                let mu = |j: usize| number(&law.friction(j), lane);
+                let ratio = if j == 0 { 1.0 } else { (mu(j) / number(&law.mu(), lane)).powi(2) };
                 let (pos, margin) = if j == 0 { (pos, margin) } else { (0.0, 0.0) };
                 let (kind, d) = (CONTACT_ELLIPTIC, d * ratio);
                 out.push(Row { kind, id, jacobian, pos, margin, d, aref: -reference[j], force: forces[j] });
@@ -232,7 +235,7 @@ fn contact_rows<L: LaneQuery>(
 }
 
 /// Dense Jacobians of a contact's components.
-fn component_jacobians<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow<L>) -> Vec<Vec<f64>> {
+fn component_jacobians<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow) -> Vec<Vec<f64>> {
     let (first, dim) = (row.component as usize, row.dim as usize);
     let mut out = vec![vec![0.0; view.tables.sizes.nv]; dim];
     let constraint = &view.workspace.constraint;

@@ -20,17 +20,19 @@ pub fn contact_rows<L: LaneQuery>(
     constraint: &mut Constraint<L>,
 ) {
     constraint.contact_rows.clear();
+    constraint.strengths.clear();
     constraint.reference.clear();
     constraint.motion.clear();
     constraint.jacobian.clear();
     constraint.cross = false;
+    let (mut edges, mut ellipses) = (0, 0);
     for (c, (slot, contact)) in collision.slots.iter().zip(&collision.contacts).enumerate() {
         let pair = &model.pairs[slot.pair as usize];
         let acts = contact.dist.lt(L::splat(pair.margin));
         if !L::any(acts) {
             continue;
         }
-        let component = constraint.reference.len();
+        let (cone, component) = (cone(model, pair), constraint.reference.len());
         let dim = pair.condim as usize;
         let one_sided = pair.link1 == NONE || pair.link2 == NONE;
         let jacobian = constraint.jacobian.len() as u32;
@@ -44,18 +46,23 @@ pub fn contact_rows<L: LaneQuery>(
         };
         let (d, references) = regularise(model, pair, contact, &speeds);
         constraint.reference.extend_from_slice(&references[..dim]);
-        constraint.contact_rows.push(ContactRow {
+        let edge = if cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
+        let row = ContactRow {
             contact: c as u32,
             pair: slot.pair,
             dim: dim as u32,
             component: component as u32,
             link: if !one_sided { NONE } else { reference(pair) },
             jacobian,
-            cone: cone(model, pair),
-            d: L::select(acts, d, L::zero()),
-            friction: splat(&pair.friction),
-            mu: L::splat(pair.friction[0]) * L::of((1.0 / model.options.impratio).sqrt()),
-        });
+            edge: *edge,
+            strength: constraint.strengths.len() as u32,
+            cone,
+        };
+        *edge += row.edges() as u32;
+        constraint.contact_rows.push(row);
+        let mu = L::splat(pair.friction[0]) * L::of((1.0 / model.options.impratio).sqrt());
+        let [f1, f2, f3, f4, f5] = splat(&pair.friction);
+        constraint.strengths.push([L::select(acts, d, L::zero()), mu, f1, f2, f3, f4, f5]);
     }
 }
 
@@ -126,7 +133,8 @@ fn two_sides<L: Lane>(
     speeds
 }
 
-fn cone<T>(model: &Model<T>, pair: &Pair<T>) -> Cone {
+/// The cone of a pair's contacts.
+pub fn cone<T>(model: &Model<T>, pair: &Pair<T>) -> Cone {
     match model.options.cone {
         _ if pair.condim == 1 => Cone::Ray,
         options::Cone::Pyramidal => Cone::Pyramid,

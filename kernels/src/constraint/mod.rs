@@ -12,7 +12,7 @@ mod contacts;
 mod dof_rows;
 mod impedance;
 
-pub use contacts::contact_rows;
+pub use contacts::{cone, contact_rows};
 pub use dof_rows::dof_rows;
 pub use impedance::impedance;
 
@@ -67,7 +67,7 @@ pub enum Cone {
 
 /// A contact's place among the rows.
 #[derive(Clone, Copy, Debug)]
-pub struct ContactRow<L> {
+pub struct ContactRow {
     /// Index into the block's contacts.
     pub contact: u32,
     /// Pair.
@@ -80,17 +80,64 @@ pub struct ContactRow<L> {
     pub link: u32,
     /// First entry of the stored Jacobian (both sides move): dof by dof, the components of each.
     pub jacobian: u32,
+    /// First among the block's edges of rays and pyramids, or place among its elliptic contacts.
+    pub edge: u32,
+    /// Entry in the list of strengths.
+    pub strength: u32,
     /// Cone.
     pub cone: Cone,
-    /// D of the normal row, and of every row of a pyramid; 0 in worlds where the contact does not act.
-    pub d: L,
-    /// Friction of components 1 to 5.
-    pub friction: [L; 5],
-    /// Regularised friction coefficient μ̂ of an elliptic cone.
-    pub mu: L,
 }
 
-impl<L> ContactRow<L> {
+/// What decides a contact's force: D of the normal row, and of every row of a pyramid, which is 0 in worlds where the
+/// contact does not act; the regularised friction coefficient μ̂ of an elliptic cone; friction of components 1 to 5. An
+/// array, which generated code can read.
+pub type Strength<L> = [L; 7];
+
+/// The law of a contact's force.
+#[derive(Clone, Copy, Debug)]
+pub struct Law<'a, L> {
+    /// Cone.
+    pub cone: Cone,
+    /// Its numbers.
+    pub strength: &'a Strength<L>,
+}
+
+impl<L: Copy> Law<'_, L> {
+    /// D of the normal row, and of every row of a pyramid.
+    #[inline(always)]
+    pub fn d(&self) -> L {
+        self.strength[0]
+    }
+
+    /// Regularised friction coefficient μ̂ of an elliptic cone.
+    #[inline(always)]
+    pub fn mu(&self) -> L {
+        self.strength[1]
+    }
+
+    /// Friction of component `j`, from 1.
+    #[inline(always)]
+    pub fn friction(&self, j: usize) -> L {
+        self.strength[1 + j]
+    }
+}
+
+impl ContactRow {
+    /// Number of edges, or of ellipses.
+    #[inline(always)]
+    pub fn edges(&self) -> usize {
+        match self.cone {
+            Cone::Ray | Cone::Ellipse => 1,
+            Cone::Pyramid => 2 * (self.dim as usize - 1),
+        }
+    }
+
+    /// Its components in the flat arrays.
+    #[inline(always)]
+    pub fn components(&self) -> std::ops::Range<usize> {
+        self.component as usize..(self.component + self.dim) as usize
+    }
+
     /// Number of constraint rows that the contact counts as.
     pub fn rows(&self) -> u32 {
         match self.cone {
@@ -106,7 +153,9 @@ pub struct Constraint<L> {
     /// Rows on joints.
     pub dof_rows: Vec<DofRow<L>>,
     /// Contacts that act in some world.
-    pub contact_rows: Vec<ContactRow<L>>,
+    pub contact_rows: Vec<ContactRow>,
+    /// Strengths of those contacts.
+    pub strengths: Vec<Strength<L>>,
     /// Per component: minus the reference acceleration.
     pub reference: Vec<L>,
     /// Per component of contacts with one moving side: motion row at the tree's origin.
@@ -124,6 +173,7 @@ impl<L: Lane> Constraint<L> {
         Constraint {
             dof_rows: Vec::with_capacity(capacity.dof_rows),
             contact_rows: Vec::with_capacity(capacity.contacts),
+            strengths: Vec::with_capacity(capacity.contacts),
             reference: Vec::with_capacity(capacity.components),
             motion: Vec::with_capacity(capacity.components),
             jacobian: Vec::with_capacity(capacity.jacobian),
@@ -134,8 +184,15 @@ impl<L: Lane> Constraint<L> {
     /// Bytes of the lists.
     pub fn bytes(&self) -> usize {
         self.dof_rows.capacity() * size_of::<DofRow<L>>()
-            + self.contact_rows.capacity() * size_of::<ContactRow<L>>()
+            + self.contact_rows.capacity() * size_of::<ContactRow>()
+            + self.strengths.capacity() * size_of::<Strength<L>>()
             + (self.reference.capacity() + self.jacobian.capacity() + 6 * self.motion.capacity()) * size_of::<L>()
+    }
+
+    /// The law of a listed contact's force.
+    #[inline(always)]
+    pub fn law(&self, row: &ContactRow) -> Law<'_, L> {
+        Law { cone: row.cone, strength: &self.strengths[row.strength as usize] }
     }
 
     /// Whether no row acts in any world.

@@ -5,7 +5,7 @@
 //! * Ellipse, with U = (μ̂ y₀, μ₁ y₁, ...), N = U₀, T = ‖U₁..‖, κ = D/μ̂²: nothing where N ≥ μ̂ T; ½ κ ‖U‖² where
 //!   μ̂ N + T ≤ 0; ½ κ/(1 + μ̂²) (N - μ̂ T)² between.
 
-use crate::constraint::{Cone, ContactRow};
+use crate::constraint::{Cone, Law};
 use crate::lane::{Lane, Real};
 
 /// Stiffness of a contact in its components.
@@ -18,32 +18,32 @@ pub enum Stiffness<L> {
 
 /// Forces of the components.
 #[inline(always)]
-pub fn force<L: Lane>(row: &ContactRow<L>, y: &[L], force: &mut [L]) {
+pub fn force<L: Lane>(law: Law<'_, L>, y: &[L], force: &mut [L]) {
     let zero = L::zero();
-    match row.cone {
-        Cone::Ray => force[0] = -(row.d * y[0].min(zero)),
+    match law.cone {
+        Cone::Ray => force[0] = -(law.d() * y[0].min(zero)),
         Cone::Pyramid => {
             let mut normal = zero;
             for j in 1..y.len() {
-                let mu = row.friction[j - 1];
+                let mu = law.friction(j);
                 let plus = mu.mul_add(y[j], y[0]).min(zero);
                 let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
                 normal += plus + minus;
-                force[j] = -(row.d * mu * (plus - minus));
+                force[j] = -(law.d() * mu * (plus - minus));
             }
-            force[0] = -(row.d * normal);
+            force[0] = -(law.d() * normal);
         }
         Cone::Ellipse => {
-            let zone = Zone::new(row, y);
-            let pull = zone.middle_stiffness(row) * zone.gap();
+            let zone = Zone::new(law, y);
+            let pull = zone.middle_stiffness(law) * zone.gap();
             // Bottom: -κ Uⱼ scaleⱼ. Middle: -∂/∂yⱼ of ½ Dm (N - μ̂ T)².
             let normal = L::select(zone.bottom, zone.kappa * zone.n, L::select(zone.top, zero, pull));
-            force[0] = -(normal * row.mu);
+            force[0] = -(normal * law.mu());
             for j in 1..y.len() {
                 let bottom = zone.kappa * zone.u[j];
-                let middle = -(pull * row.mu * zone.t_inverse * zone.u[j]);
+                let middle = -(pull * law.mu() * zone.t_inverse * zone.u[j]);
                 let side = L::select(zone.bottom, bottom, L::select(zone.top, zero, middle));
-                force[j] = -(side * row.friction[j - 1]);
+                force[j] = -(side * law.friction(j));
             }
         }
     }
@@ -51,19 +51,19 @@ pub fn force<L: Lane>(row: &ContactRow<L>, y: &[L], force: &mut [L]) {
 
 /// Second derivative of the cost.
 #[inline(always)]
-pub fn stiffness<L: Lane>(row: &ContactRow<L>, y: &[L]) -> Stiffness<L> {
+pub fn stiffness<L: Lane>(law: Law<'_, L>, y: &[L]) -> Stiffness<L> {
     let zero = L::zero();
-    if row.cone == Cone::Ellipse {
-        return Stiffness::Full(ellipse_stiffness(row, y));
+    if law.cone == Cone::Ellipse {
+        return Stiffness::Full(ellipse_stiffness(law, y));
     }
     let (mut normal, mut side, mut cross) = (zero, [zero; 5], [zero; 5]);
-    if row.cone == Cone::Ray {
-        normal = L::select(y[0].lt(zero), row.d, zero);
+    if law.cone == Cone::Ray {
+        normal = L::select(y[0].lt(zero), law.d(), zero);
     }
     for j in 1..y.len() {
-        let mu = row.friction[j - 1];
-        let plus = L::select(mu.mul_add(y[j], y[0]).lt(zero), row.d, zero);
-        let minus = L::select(mu.neg_mul_add(y[j], y[0]).lt(zero), row.d, zero);
+        let mu = law.friction(j);
+        let plus = L::select(mu.mul_add(y[j], y[0]).lt(zero), law.d(), zero);
+        let minus = L::select(mu.neg_mul_add(y[j], y[0]).lt(zero), law.d(), zero);
         normal += plus + minus;
         side[j - 1] = mu * mu * (plus + minus);
         cross[j - 1] = mu * (plus - minus);
@@ -72,20 +72,20 @@ pub fn stiffness<L: Lane>(row: &ContactRow<L>, y: &[L]) -> Stiffness<L> {
 }
 
 #[inline(always)]
-fn ellipse_stiffness<L: Lane>(row: &ContactRow<L>, y: &[L]) -> [[L; 6]; 6] {
+fn ellipse_stiffness<L: Lane>(law: Law<'_, L>, y: &[L]) -> [[L; 6]; 6] {
     let zero = L::zero();
-    let zone = Zone::new(row, y);
-    let middle = zone.middle_stiffness(row);
-    let ratio = row.mu * zone.n * zone.t_inverse;
-    let diagonal = row.mu.mul_add(row.mu, -ratio);
+    let zone = Zone::new(law, y);
+    let middle = zone.middle_stiffness(law);
+    let ratio = law.mu() * zone.n * zone.t_inverse;
+    let diagonal = law.mu().mul_add(law.mu(), -ratio);
     let mut k = [[zero; 6]; 6];
     let pick = |bottom: L, between: L| L::select(zone.bottom, bottom, L::select(zone.top, zero, between));
-    k[0][0] = pick(zone.kappa, middle) * row.mu * row.mu;
+    k[0][0] = pick(zone.kappa, middle) * law.mu() * law.mu();
     for i in 1..y.len() {
-        let (mu_i, t_i) = (row.friction[i - 1], zone.u[i] * zone.t_inverse);
-        k[i][0] = pick(zero, -(middle * row.mu * t_i)) * row.mu * mu_i;
+        let (mu_i, t_i) = (law.friction(i), zone.u[i] * zone.t_inverse);
+        k[i][0] = pick(zero, -(middle * law.mu() * t_i)) * law.mu() * mu_i;
         for j in 1..=i {
-            let (mu_j, t_j) = (row.friction[j - 1], zone.u[j] * zone.t_inverse);
+            let (mu_j, t_j) = (law.friction(j), zone.u[j] * zone.t_inverse);
             let (identity, kappa) = if i == j { (diagonal, zone.kappa) } else { (zero, zero) };
             k[i][j] = pick(kappa, middle * (ratio * t_i).mul_add(t_j, identity)) * mu_i * mu_j;
         }
@@ -95,28 +95,28 @@ fn ellipse_stiffness<L: Lane>(row: &ContactRow<L>, y: &[L]) -> [[L; 6]; 6] {
 
 /// Twice the cost.
 #[inline(always)]
-pub fn twice_cost<L: Lane>(row: &ContactRow<L>, y: &[L]) -> L {
+pub fn twice_cost<L: Lane>(law: Law<'_, L>, y: &[L]) -> L {
     let zero = L::zero();
-    match row.cone {
+    match law.cone {
         Cone::Ray => {
             let e = y[0].min(zero);
-            row.d * e * e
+            law.d() * e * e
         }
         Cone::Pyramid => {
             let mut squares = zero;
             for j in 1..y.len() {
-                let mu = row.friction[j - 1];
+                let mu = law.friction(j);
                 let plus = mu.mul_add(y[j], y[0]).min(zero);
                 let minus = mu.neg_mul_add(y[j], y[0]).min(zero);
                 squares = minus.mul_add(minus, plus.mul_add(plus, squares));
             }
-            row.d * squares
+            law.d() * squares
         }
         Cone::Ellipse => {
-            let zone = Zone::new(row, y);
+            let zone = Zone::new(law, y);
             let gap = zone.gap();
             let bottom = zone.kappa * zone.t.mul_add(zone.t, zone.n * zone.n);
-            let middle = zone.middle_stiffness(row) * gap * gap;
+            let middle = zone.middle_stiffness(law) * gap * gap;
             L::select(zone.bottom, bottom, L::select(zone.top, zero, middle))
         }
     }
@@ -137,19 +137,19 @@ struct Zone<L: Lane> {
 
 impl<L: Lane> Zone<L> {
     #[inline(always)]
-    fn new(row: &ContactRow<L>, y: &[L]) -> Self {
+    fn new(law: Law<'_, L>, y: &[L]) -> Self {
         let mut u = [L::zero(); 6];
-        u[0] = row.mu * y[0];
+        u[0] = law.mu() * y[0];
         let mut squares = L::zero();
         for j in 1..y.len() {
-            u[j] = row.friction[j - 1] * y[j];
+            u[j] = law.friction(j) * y[j];
             squares = u[j].mul_add(u[j], squares);
         }
         let (n, t) = (u[0], squares.sqrt());
         let tiny = t.lt(L::of(L::Real::MINVAL));
         let t_inverse = L::one() / L::select(tiny, L::one(), t);
-        let (top, bottom) = (n.ge(row.mu * t), row.mu.mul_add(n, t).le(L::zero()));
-        Zone { u, n, t, t_inverse, mu: row.mu, kappa: row.d / (row.mu * row.mu), top, bottom }
+        let (top, bottom) = (n.ge(law.mu() * t), law.mu().mul_add(n, t).le(L::zero()));
+        Zone { u, n, t, t_inverse, mu: law.mu(), kappa: law.d() / (law.mu() * law.mu()), top, bottom }
     }
 
     /// N - μ̂ T, negative between the zones.
@@ -160,7 +160,7 @@ impl<L: Lane> Zone<L> {
 
     /// κ/(1 + μ̂²)
     #[inline(always)]
-    fn middle_stiffness(&self, row: &ContactRow<L>) -> L {
-        self.kappa / row.mu.mul_add(row.mu, L::one())
+    fn middle_stiffness(&self, law: Law<'_, L>) -> L {
+        self.kappa / law.mu().mul_add(law.mu(), L::one())
     }
 }

@@ -53,7 +53,7 @@ impl<L: Lane> Dual<L> {
     }
 
     /// A's block of a contact: products of its components' rows.
-    pub fn block(&self, row: &ContactRow<L>) -> [[L; 6]; 6] {
+    pub fn block(&self, row: &ContactRow) -> [[L; 6]; 6] {
         let mut out = [[L::zero(); 6]; 6];
         for i in 0..row.dim as usize {
             for j in 0..=i {
@@ -66,7 +66,7 @@ impl<L: Lane> Dual<L> {
     }
 
     /// J(a₀ + M⁻¹Jᵀf) - a_ref of a contact's components.
-    pub fn residual(&self, row: &ContactRow<L>) -> [L; 6] {
+    pub fn residual(&self, row: &ContactRow) -> [L; 6] {
         let mut out = [L::zero(); 6];
         for (i, out) in out.iter_mut().enumerate().take(row.dim as usize) {
             let at = row.component as usize + i;
@@ -76,7 +76,7 @@ impl<L: Lane> Dual<L> {
     }
 
     /// z += b Δ for a contact's components.
-    pub fn add(&mut self, row: &ContactRow<L>, change: &[L; 6]) {
+    pub fn add(&mut self, row: &ContactRow, change: &[L; 6]) {
         for (i, change) in change.iter().enumerate().take(row.dim as usize) {
             let start = (self.bias.dof.len() + row.component as usize + i) * self.nv;
             add_scaled(&mut self.z, &self.b[start..start + self.nv], *change);

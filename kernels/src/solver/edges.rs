@@ -1,18 +1,27 @@
 //! The rows of an iterate (limits, pyramid edges, dry friction, elliptic contacts), flat, for the line search.
 
-use super::RowVector;
-use crate::constraint::{Cone, Constraint, ContactRow, DofRowKind};
+use crate::constraint::{Cone, Constraint, ContactRow, DofRowKind, Law};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
+
+/// Numbers of an edge.
+pub const EDGE: usize = 3;
+/// Numbers of an elliptic contact.
+pub const ELLIPSE: usize = 7;
 
 /// Along a + α p a one-sided row costs ½ D min(y + α v, 0)².
 #[derive(Clone, Debug)]
 pub struct Edges<L> {
-    /// (y, v, D v) of every edge.
-    edges: Vec<[L; 3]>,
+    /// (y, v, D v) of every limit.
+    limits: Vec<[L; EDGE]>,
+    /// The same of every edge of a contact, at its place in the list of rows.
+    pub contacts: Vec<[L; EDGE]>,
     /// Dry friction: (y, v, D, bound).
     frictions: Vec<[L; 4]>,
-    /// Elliptic contacts.
-    ellipses: Vec<Ellipse<L>>,
+    /// Elliptic contacts, at their places in the list: (N, its derivative, T², half its derivative, that one's derivative,
+    /// μ̂, κ).
+    pub ellipses: Vec<[L; ELLIPSE]>,
+    /// 1 where no contact leaves its quadratic piece of the cost on a full step, else 0.
+    pub same: [L; 1],
 }
 
 /// An elliptic contact along a + α p: N = n + α dn, T² = uu + 2 α uv + α² vv.
@@ -28,16 +37,27 @@ struct Ellipse<L> {
 }
 
 impl<L: Lane> Ellipse<L> {
-    fn new(row: &ContactRow<L>, y: &[L], v: &[L]) -> Self {
+    #[inline(always)]
+    fn of([n, dn, uu, uv, vv, mu, kappa]: [L; ELLIPSE]) -> Self {
+        Ellipse { n, dn, uu, uv, vv, mu, kappa }
+    }
+
+    #[inline(always)]
+    fn numbers(&self) -> [L; ELLIPSE] {
+        [self.n, self.dn, self.uu, self.uv, self.vv, self.mu, self.kappa]
+    }
+
+    #[inline(always)]
+    fn new(law: Law<'_, L>, y: &[L], v: &[L]) -> Self {
         let (mut uu, mut uv, mut vv) = (L::zero(), L::zero(), L::zero());
         for j in 1..y.len() {
-            let (u, w) = (row.friction[j - 1] * y[j], row.friction[j - 1] * v[j]);
+            let (u, w) = (law.friction(j) * y[j], law.friction(j) * v[j]);
             uu = u.mul_add(u, uu);
             uv = u.mul_add(w, uv);
             vv = w.mul_add(w, vv);
         }
-        let kappa = row.d / (row.mu * row.mu);
-        Ellipse { n: row.mu * y[0], dn: row.mu * v[0], uu, uv, vv, mu: row.mu, kappa }
+        let mu = law.mu();
+        Ellipse { n: mu * y[0], dn: mu * v[0], uu, uv, vv, mu, kappa: law.d() / (mu * mu) }
     }
 
     /// N, T, and whether the point lies in the top and in the bottom zone.
@@ -68,39 +88,87 @@ impl<L: Lane> Ellipse<L> {
     }
 }
 
+/// Whether a one-sided row keeps acting, or not acting, on a full step.
+#[inline(always)]
+fn stays<L: Lane>([y, v, dv]: &[L; EDGE]) -> L::Mask {
+    let zero = L::zero();
+    let z = L::one().mul_add(*v, *y);
+    let moved = (y.lt(zero) & !z.lt(zero)) | (z.lt(zero) & !y.lt(zero));
+    !moved | dv.eq(zero)
+}
+
+/// Writes the edges of a contact, or its ellipse. `same` becomes 0 where it leaves its quadratic piece of the cost on a full
+/// step.
+#[inline(always)]
+pub fn of_contact<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], out: &mut [L], same: &mut L) {
+    let mut stay = L::Mask::splat(true);
+    let mut edge = |out: &mut [L], y: L, v: L| {
+        let edge = [y, v, law.d() * v];
+        stay = stay & stays(&edge);
+        out.copy_from_slice(&edge);
+    };
+    match law.cone {
+        Cone::Ray => edge(out, y[0], v[0]),
+        Cone::Pyramid => {
+            for (out, j) in out.chunks_exact_mut(2 * EDGE).zip(1..y.len()) {
+                let mu = law.friction(j);
+                let (up, down) = out.split_at_mut(EDGE);
+                edge(up, mu.mul_add(y[j], y[0]), mu.mul_add(v[j], v[0]));
+                edge(down, mu.neg_mul_add(y[j], y[0]), mu.neg_mul_add(v[j], v[0]));
+            }
+        }
+        Cone::Ellipse => {
+            let ellipse = Ellipse::new(law, y, v);
+            let ((.., top, bottom), (.., end_top, end_bottom)) = (ellipse.zone(L::zero()), ellipse.zone(L::one()));
+            stay = (top & end_top) | (bottom & end_bottom) | ellipse.kappa.eq(L::zero());
+            out.copy_from_slice(&ellipse.numbers());
+        }
+    }
+    *same = L::select(stay, *same, L::zero());
+}
+
 impl<L: LaneQuery> Edges<L> {
-    /// Room for `n` edges.
-    pub fn with_capacity(n: usize) -> Self {
-        Edges { edges: Vec::with_capacity(n), frictions: Vec::with_capacity(n), ellipses: Vec::with_capacity(n) }
+    /// Room for the rows of `dof_rows` joints and for `edges` edges of contacts.
+    pub fn with_capacity(dof_rows: usize, edges: usize) -> Self {
+        Edges {
+            limits: Vec::with_capacity(dof_rows),
+            contacts: Vec::with_capacity(edges),
+            frictions: Vec::with_capacity(dof_rows),
+            ellipses: Vec::with_capacity(edges),
+            same: [L::one()],
+        }
     }
 
-    /// Collects the edges of an iterate with rows `y` and direction `v`.
-    pub fn collect(&mut self, constraint: &Constraint<L>, y: &RowVector<L>, v: &RowVector<L>) {
-        self.edges.clear();
+    /// Room for the contacts of the constraint's list.
+    pub fn fit(&mut self, constraint: &Constraint<L>) {
+        let end = |cone: &dyn Fn(Cone) -> bool| {
+            let last = constraint.contact_rows.iter().rfind(|row| cone(row.cone));
+            last.map_or(0, |row| row.edge as usize + row.edges())
+        };
+        self.contacts.resize(end(&|cone| cone != Cone::Ellipse), [L::zero(); EDGE]);
+        self.ellipses.resize(end(&|cone| cone == Cone::Ellipse), [L::zero(); ELLIPSE]);
+    }
+
+    /// Where a contact's edges or its ellipse are.
+    #[inline(always)]
+    pub fn of_row(&mut self, row: &ContactRow) -> &mut [L] {
+        let range = row.edge as usize..row.edge as usize + row.edges();
+        match row.cone {
+            Cone::Ray | Cone::Pyramid => self.contacts[range].as_flattened_mut(),
+            Cone::Ellipse => self.ellipses[range].as_flattened_mut(),
+        }
+    }
+
+    /// Collects the rows on joints of an iterate with rows `y` and direction `v`, and forgets what contacts do.
+    pub fn collect(&mut self, constraint: &Constraint<L>, y: &[L], v: &[L]) {
+        self.same = [L::one()];
+        self.limits.clear();
         self.frictions.clear();
-        self.ellipses.clear();
-        for ((row, y), v) in constraint.dof_rows.iter().zip(&y.dof).zip(&v.dof) {
+        for ((row, y), v) in constraint.dof_rows.iter().zip(y).zip(v) {
             if row.kind == DofRowKind::Friction {
                 self.frictions.push([*y, *v, row.d, row.bound]);
             } else {
-                self.edges.push([*y, *v, row.d * *v]);
-            }
-        }
-        for row in &constraint.contact_rows {
-            let range = row.component as usize..(row.component + row.dim) as usize;
-            let (y, v) = (&y.component[range.clone()], &v.component[range]);
-            match row.cone {
-                Cone::Ray => self.edges.push([y[0], v[0], row.d * v[0]]),
-                Cone::Pyramid => {
-                    for j in 1..y.len() {
-                        let mu = row.friction[j - 1];
-                        let up = mu.mul_add(v[j], v[0]);
-                        let down = mu.neg_mul_add(v[j], v[0]);
-                        self.edges.push([mu.mul_add(y[j], y[0]), up, row.d * up]);
-                        self.edges.push([mu.neg_mul_add(y[j], y[0]), down, row.d * down]);
-                    }
-                }
-                Cone::Ellipse => self.ellipses.push(Ellipse::new(row, y, v)),
+                self.limits.push([*y, *v, row.d * *v]);
             }
         }
     }
@@ -109,7 +177,7 @@ impl<L: LaneQuery> Edges<L> {
     fn slope(&self, alpha: L) -> (L, L) {
         let zero = L::zero();
         let (mut first, mut second) = (zero, zero);
-        for [y, v, dv] in &self.edges {
+        for [y, v, dv] in self.limits.iter().chain(&self.contacts) {
             let z = alpha.mul_add(*v, *y);
             first = z.min(zero).mul_add(*dv, first);
             second += L::select(z.lt(zero), *dv * *v, zero);
@@ -120,7 +188,7 @@ impl<L: LaneQuery> Edges<L> {
             second += L::select(pull.abs().lt(*bound), *d * *v * *v, zero);
         }
         for ellipse in &self.ellipses {
-            let (slope, curvature) = ellipse.slope(alpha);
+            let (slope, curvature) = Ellipse::of(*ellipse).slope(alpha);
             first += slope;
             second += curvature;
         }
@@ -160,22 +228,16 @@ impl<L: LaneQuery> Edges<L> {
     /// Whether every row stays in one quadratic piece of its cost on a full step: none changes between acting and not
     /// acting, or sticking and sliding.
     pub fn unchanged(&self) -> L::Mask {
-        let (zero, alpha) = (L::zero(), L::one());
-        let mut same = L::Mask::splat(true);
-        for [y, v, dv] in &self.edges {
-            let z = alpha.mul_add(*v, *y);
-            let moved = (y.lt(zero) & !z.lt(zero)) | (z.lt(zero) & !y.lt(zero));
-            same = same & (!moved | dv.eq(zero));
+        let alpha = L::one();
+        let mut same = self.same[0].eq(alpha);
+        for edge in &self.limits {
+            same = same & stays(edge);
         }
         for [y, v, d, bound] in &self.frictions {
             let (from, to) = (*d * *y, *d * alpha.mul_add(*v, *y));
             same = same & from.abs().lt(*bound) & to.abs().lt(*bound)
                 | same & from.ge(*bound) & to.ge(*bound)
                 | same & from.le(-*bound) & to.le(-*bound);
-        }
-        for ellipse in &self.ellipses {
-            let ((.., top, bottom), (.., end_top, end_bottom)) = (ellipse.zone(zero), ellipse.zone(alpha));
-            same = same & ((top & end_top) | (bottom & end_bottom) | ellipse.kappa.eq(zero));
         }
         same
     }

@@ -5,27 +5,24 @@
 //! M's sparsity. Contacts between links add their rows' products.
 
 use super::cone::{self, Stiffness};
+use super::contact::{self, Sym6, at};
 use super::{Problem, Solver, SolverWork, rows};
 use crate::code::Code;
 use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::Spatial;
 use crate::math::tree;
-use crate::math::vec3::{build, scale_add};
+use crate::math::vec3::build;
 use crate::model::{DofKind, Model, NONE};
-
-/// A symmetric 6×6 matrix, lower triangle by rows.
-type Sym6<L> = [L; 21];
-
-#[inline(always)]
-const fn at(i: usize, j: usize) -> usize {
-    if i >= j { i * (i + 1) / 2 + j } else { j * (j + 1) / 2 + i }
-}
 
 /// Fills the Hessian for the current iterate.
 pub fn assemble<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
     let Problem { model, constraint, .. } = *problem;
-    stiffen_links(problem, &work.touched, &work.y.component, &mut work.fields.stiffness);
+    let stiffness = &mut work.fields.stiffness;
+    for (stiffness, _) in stiffness.iter_mut().zip(&work.touched).filter(|(_, touched)| **touched) {
+        *stiffness = [L::zero(); 21];
+    }
+    contact::stiffen_all(constraint, &work.y.component, code, stiffness);
     if !code.curve(problem, &mut work.fields) {
         curve(problem, &work.touched, &mut work.fields);
     }
@@ -46,23 +43,8 @@ pub fn assemble<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, 
     }
     for row in constraint.contact_rows.iter().filter(|row| row.link == NONE) {
         let (first, dim) = (row.component as usize, row.dim as usize);
-        let k = cone::stiffness(row, &work.y.component[first..first + dim]);
+        let k = cone::stiffness(constraint.law(row), &work.y.component[first..first + dim]);
         add_rows(model, constraint, row, &k, hessian);
-    }
-}
-
-/// Stiffness of every touched link, of the contacts on it.
-fn stiffen_links<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], y: &[L], stiffness: &mut [Sym6<L>]) {
-    let constraint = problem.constraint;
-    for (stiffness, touched) in stiffness.iter_mut().zip(touched) {
-        if *touched {
-            *stiffness = [L::zero(); 21];
-        }
-    }
-    for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
-        let (first, dim) = (row.component as usize, row.dim as usize);
-        let k = cone::stiffness(row, &y[first..first + dim]);
-        add_to_link(&k, &constraint.motion[first..first + dim], &mut stiffness[row.link as usize]);
     }
 }
 
@@ -80,54 +62,12 @@ pub fn curve<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver: &mut S
     project_stiffness(problem, touched, solver);
 }
 
-/// stiffness += Wᵀ K W, W the components' motion rows.
-#[inline(always)]
-fn add_to_link<L: Lane>(k: &Stiffness<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
-    match w.len() {
-        1 => add_components::<L, 1>(k, w, stiffness),
-        3 => add_components::<L, 3>(k, w, stiffness),
-        4 => add_components::<L, 4>(k, w, stiffness),
-        _ => add_components::<L, 6>(k, w, stiffness),
-    }
-}
-
-#[inline(always)]
-fn add_components<L: Lane, const N: usize>(k: &Stiffness<L>, w: &[Spatial<L>], stiffness: &mut Sym6<L>) {
-    let w = &w[..N];
-    let mut t = [[L::zero(); 6]; N];
-    match k {
-        Stiffness::Arrow(normal, side, cross) => {
-            t[0] = w[0].map(|x| *normal * x);
-            for c in 1..N {
-                t[0] = scale_add(cross[c - 1], &w[c], &t[0]);
-                t[c] = build(|i| side[c - 1].mul_add(w[c][i], cross[c - 1] * w[0][i]));
-            }
-        }
-        Stiffness::Full(k) => {
-            for c in 0..N {
-                for d in 0..N {
-                    t[c] = scale_add(k[c.max(d)][c.min(d)], &w[d], &t[c]);
-                }
-            }
-        }
-    }
-    for i in 0..6 {
-        for j in 0..=i {
-            let mut sum = stiffness[at(i, j)];
-            for c in 0..N {
-                sum = t[c][i].mul_add(w[c][j], sum);
-            }
-            stiffness[at(i, j)] = sum;
-        }
-    }
-}
-
 /// H += Jᵀ K J of a contact between two links.
 #[inline(always)]
 fn add_rows<L: Lane>(
     model: &Model<L::Real>,
     constraint: &Constraint<L>,
-    row: &ContactRow<L>,
+    row: &ContactRow,
     k: &Stiffness<L>,
     hessian: &mut [L],
 ) {

@@ -6,8 +6,9 @@
 
 mod cg;
 mod cone;
+pub mod contact;
 mod dual;
-mod edges;
+pub mod edges;
 mod fill;
 mod hessian;
 mod newton;
@@ -22,7 +23,7 @@ pub use hessian::curve;
 pub use newton::{descend, polish};
 pub use primal::motion;
 pub use residual::measure_residual;
-pub use rows::gather;
+pub use rows::{Arrival, gather};
 
 use crate::acceleration::Acceleration;
 use crate::code::Code;
@@ -50,6 +51,10 @@ fields! {
         pub search: Vec<L> = sizes.nv,
         /// M p.
         pub msearch: Vec<L> = sizes.nv,
+        /// Of the quadratic part of the cost along p: its slope and its curvature; and the slope of the whole cost.
+        pub along: Vec<L> = 3,
+        /// The step along p that is taken, in units of p.
+        pub step: Vec<L> = 1,
         /// Hessian, then its factor, stored by `model.rows`.
         pub hessian: Vec<L> = sizes.nm,
         /// D⁻¹ of that factor.
@@ -164,7 +169,7 @@ impl<L: LaneQuery> SolverWork<L> {
             jp: RowVector::with_capacity(dof, component),
             force: RowVector::with_capacity(dof, component),
             spare: RowVector::with_capacity(0, 0),
-            edges: edges::Edges::with_capacity(dof + 2 * component),
+            edges: edges::Edges::with_capacity(dof, 2 * component),
             edge_force: Vec::with_capacity(if dual::needed(model) { 2 * component } else { 0 }),
             dual: dual::Dual::new(model, dof, component),
             fill: fill::Fill::new(&sizes),
@@ -205,17 +210,26 @@ pub fn solve<L: LaneQuery>(
     left
 }
 
-/// Sizes the row vectors and finds touched links (`every`: all count as touched).
+/// Sizes the row vectors and finds touched links. If forces and stiffnesses of `every` link are read, those of the other
+/// links become zero, and stay so: nobody adds to them.
 fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, every: bool, work: &mut SolverWork<L>) {
     work.y.fit(constraint);
     work.jp.fit(constraint);
     work.force.fit(constraint);
-    work.touched.fill(every);
+    work.edges.fit(constraint);
+    work.touched.fill(false);
     for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
         let mut l = row.link;
         while l != NONE && !work.touched[l as usize] {
             work.touched[l as usize] = true;
             l = model.links[l as usize].parent;
+        }
+    }
+    if every {
+        let Solver { wrench, stiffness, .. } = &mut work.fields;
+        for (l, _) in work.touched.iter().enumerate().filter(|(_, touched)| !**touched) {
+            wrench[l] = [L::zero(); 6];
+            stiffness[l] = [L::zero(); 21];
         }
     }
     work.fill.known = false;
@@ -227,8 +241,8 @@ fn active_lanes<L: Lane>(constraint: &Constraint<L>) -> L::Mask {
     for row in &constraint.dof_rows {
         active = active | row.d.gt(L::zero());
     }
-    for row in &constraint.contact_rows {
-        active = active | row.d.gt(L::zero());
+    for strength in &constraint.strengths {
+        active = active | strength[0].gt(L::zero());
     }
     active
 }

@@ -42,7 +42,8 @@ fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork
     }
     let mut edge = 0;
     for row in &constraint.contact_rows {
-        let acts = open & row.d.gt(L::zero());
+        let law = constraint.law(row);
+        let acts = open & law.d().gt(L::zero());
         let n = row.dim as usize;
         let force = &mut work.force.component[row.component as usize..row.component as usize + n];
         match row.cone {
@@ -53,11 +54,11 @@ fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork
                     let b = work.dual.component(row.component as usize + j);
                     let diagonal = dual::product(b, b);
                     let (plus, minus) = (work.edge_force[edge], work.edge_force[edge + 1]);
-                    let bound = row.friction[j - 1] * (plus + minus);
+                    let bound = law.friction(j) * (plus + minus);
                     let (change, gain) = pgs::scalar(&mut force[j], residual, diagonal, -bound, bound, acts);
                     improvement += gain;
                     // The pair keeps its sum.
-                    let half = change / row.friction[j - 1] * L::of(0.5);
+                    let half = change / law.friction(j) * L::of(0.5);
                     work.edge_force[edge] = plus + half;
                     work.edge_force[edge + 1] = minus - half;
                     edge += 2;
@@ -74,7 +75,7 @@ fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork
                 let constant: [L; 6] =
                     build(|i| (0..n).fold(residual[i], |sum, k| block[i][k].neg_mul_add(old[k], sum)));
                 let mut next = old;
-                pgs::friction(n, row, &block, &constant, &mut next);
+                pgs::friction(n, law, &block, &constant, &mut next);
                 let change: [L; 6] = build(|i| L::select(acts, next[i] - old[i], L::zero()));
                 for i in 0..n {
                     let moved = (0..n).fold(L::zero(), |sum, k| block[i][k].mul_add(change[k], sum));

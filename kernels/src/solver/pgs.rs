@@ -5,7 +5,7 @@
 //! is minimised with the normal force fixed.
 
 use super::{Problem, SolverWork, dual, qcqp, rows};
-use crate::constraint::{Cone, ContactRow, DofRow, DofRowKind};
+use crate::constraint::{Cone, DofRow, DofRowKind, Law};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::vec3::build;
 
@@ -67,11 +67,12 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
 pub(super) fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>, work: &mut SolverWork<L>) {
     work.edge_force.clear();
     for row in constraint.contact_rows.iter().filter(|row| row.cone == Cone::Pyramid) {
+        let law = constraint.law(row);
         let y = &work.y.component[row.component as usize..(row.component + row.dim) as usize];
         for j in 1..y.len() {
-            let mu = row.friction[j - 1];
+            let mu = law.friction(j);
             for edge in [mu.mul_add(y[j], y[0]), mu.neg_mul_add(y[j], y[0])] {
-                work.edge_force.push(-(row.d * edge.min(L::zero())));
+                work.edge_force.push(-(law.d() * edge.min(L::zero())));
             }
         }
     }
@@ -87,19 +88,20 @@ fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork
     }
     let mut edge = 0;
     for row in &constraint.contact_rows {
-        let acts = open & row.d.gt(L::zero());
+        let law = constraint.law(row);
+        let acts = open & law.d().gt(L::zero());
         let block = work.dual.block(row);
         let residual = work.dual.residual(row);
         let range = row.component as usize..(row.component + row.dim) as usize;
         let force = &mut work.force.component[range];
         let (change, gain) = match row.cone {
-            Cone::Ray => ray(row, &block, residual, force, acts),
+            Cone::Ray => ray(law, &block, residual, force, acts),
             Cone::Pyramid => {
                 let edges = &mut work.edge_force[edge..edge + 2 * (force.len() - 1)];
                 edge += edges.len();
-                pyramid(row, &block, residual, edges, force, acts)
+                pyramid(law, &block, residual, edges, force, acts)
             }
-            Cone::Ellipse => ellipse(row, &block, residual, force, acts),
+            Cone::Ellipse => ellipse(law, &block, residual, force, acts),
         };
         improvement += gain;
         work.dual.add(row, &change);
@@ -136,14 +138,8 @@ fn dof_row<L: Lane>(r: usize, row: &DofRow<L>, open: L::Mask, work: &mut SolverW
     gain
 }
 
-fn ray<L: Lane>(
-    row: &ContactRow<L>,
-    block: &[[L; 6]; 6],
-    residual: [L; 6],
-    force: &mut [L],
-    acts: L::Mask,
-) -> ([L; 6], L) {
-    let regulariser = regulariser(row.d);
+fn ray<L: Lane>(law: Law<'_, L>, block: &[[L; 6]; 6], residual: [L; 6], force: &mut [L], acts: L::Mask) -> ([L; 6], L) {
+    let regulariser = regulariser(law.d());
     let (residual, diagonal) = (regulariser.mul_add(force[0], residual[0]), block[0][0] + regulariser);
     let mut out = [L::zero(); 6];
     let (change, gain) = scalar(&mut force[0], residual, diagonal, L::zero(), L::of(L::Real::MAX), acts);
@@ -152,18 +148,18 @@ fn ray<L: Lane>(
 }
 
 fn pyramid<L: Lane>(
-    row: &ContactRow<L>,
+    law: Law<'_, L>,
     block: &[[L; 6]; 6],
     mut residual: [L; 6],
     edges: &mut [L],
     force: &mut [L],
     acts: L::Mask,
 ) -> ([L; 6], L) {
-    let regulariser = regulariser(row.d);
+    let regulariser = regulariser(law.d());
     let (mut out, mut total) = ([L::zero(); 6], L::zero());
     for (e, f) in edges.iter_mut().enumerate() {
         let j = e / 2 + 1;
-        let mu = if e % 2 == 0 { row.friction[j - 1] } else { -row.friction[j - 1] };
+        let mu = if e % 2 == 0 { law.friction(j) } else { -law.friction(j) };
         let r = mu.mul_add(residual[j], residual[0]) + regulariser * *f;
         let diagonal = mu.mul_add(mu.mul_add(block[j][j], block[0][j] + block[0][j]), block[0][0]) + regulariser;
         let (change, gain) = scalar(f, r, diagonal, L::zero(), L::of(L::Real::MAX), acts);
@@ -181,7 +177,7 @@ fn pyramid<L: Lane>(
 }
 
 fn ellipse<L: Lane>(
-    row: &ContactRow<L>,
+    law: Law<'_, L>,
     block: &[[L; 6]; 6],
     residual: [L; 6],
     force: &mut [L],
@@ -190,10 +186,10 @@ fn ellipse<L: Lane>(
     let n = force.len();
     let old: [L; 6] = build(|i| if i < n { force[i] } else { L::zero() });
     let mut a = *block;
-    let base = regulariser(row.d);
+    let base = regulariser(law.d());
     for (i, a) in a.iter_mut().enumerate().take(n) {
         // R of component i is that of the normal times (μ̂/μᵢ)².
-        let ratio = if i == 0 { L::one() } else { row.mu / row.friction[i - 1] };
+        let ratio = if i == 0 { L::one() } else { law.mu() / law.friction(i) };
         a[i] += base * ratio * ratio;
     }
     let times = |x: &[L; 6]| -> [L; 6] { build(|i| (0..n).fold(L::zero(), |sum, k| a[i][k].mul_add(x[k], sum))) };
@@ -201,8 +197,8 @@ fn ellipse<L: Lane>(
     let af = times(&old);
     let gradient: [L; 6] = build(|i| if i < n { residual[i] + (a[i][i] - block[i][i]) * old[i] } else { L::zero() });
     let constant: [L; 6] = build(|i| gradient[i] - af[i]);
-    let mut next = along_ray(n, row, &a, &old, &af, &gradient);
-    friction(n, row, &a, &constant, &mut next);
+    let mut next = along_ray(n, law, &a, &old, &af, &gradient);
+    friction(n, law, &a, &constant, &mut next);
     let change: [L; 6] = build(|i| L::select(acts, next[i] - old[i], L::zero()));
     let moved = times(&change);
     let (mut gain, mut least) = (L::zero(), L::zero());
@@ -220,7 +216,7 @@ fn ellipse<L: Lane>(
 #[inline(always)]
 fn along_ray<L: Lane>(
     n: usize,
-    row: &ContactRow<L>,
+    law: Law<'_, L>,
     a: &[[L; 6]; 6],
     old: &[L; 6],
     af: &[L; 6],
@@ -230,13 +226,13 @@ fn along_ray<L: Lane>(
     let vanishing = old[0].lt(tiny);
     let mut slip = zero;
     for i in 1..n {
-        let u = row.friction[i - 1] * gradient[i];
+        let u = law.friction(i) * gradient[i];
         slip = u.mul_add(u, slip);
     }
     let inverse = one / slip.sqrt().max(tiny);
     let steepest: [L; 6] = build(|i| match i {
         0 => one,
-        _ if i < n => -(row.friction[i - 1] * row.friction[i - 1] * gradient[i] * inverse),
+        _ if i < n => -(law.friction(i) * law.friction(i) * gradient[i] * inverse),
         _ => zero,
     });
     let (mut slope, mut curvature, mut tip_slope, mut tip_curvature) = (zero, zero, zero, zero);
@@ -253,18 +249,18 @@ fn along_ray<L: Lane>(
 }
 
 /// The best friction within the ellipsoid of the normal force.
-pub(super) fn friction<L: Lane>(n: usize, row: &ContactRow<L>, a: &[[L; 6]; 6], constant: &[L; 6], force: &mut [L; 6]) {
+pub(super) fn friction<L: Lane>(n: usize, law: Law<'_, L>, a: &[[L; 6]; 6], constant: &[L; 6], force: &mut [L; 6]) {
     let zero = L::zero();
     let (mut q, mut c) = ([[zero; 5]; 5], [zero; 5]);
     for i in 1..n {
-        let mu = row.friction[i - 1];
+        let mu = law.friction(i);
         c[i - 1] = mu * a[i][0].mul_add(force[0], constant[i]);
         for j in 1..n {
-            q[i - 1][j - 1] = mu * row.friction[j - 1] * a[i][j];
+            q[i - 1][j - 1] = mu * law.friction(j) * a[i][j];
         }
     }
     let u = qcqp::minimise(n - 1, &q, &c, force[0]);
     for i in 1..n {
-        force[i] = row.friction[i - 1] * u[i - 1];
+        force[i] = law.friction(i) * u[i - 1];
     }
 }

@@ -4,7 +4,8 @@
 //! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
 //! the minimum, so the solver knows that it is done.
 
-use super::{Problem, Solver, SolverWork, cg, newton, pattern, rows};
+use super::rows::{self, Arrival};
+use super::{Problem, Solver, SolverWork, cg, newton, pattern};
 use crate::code::Code;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::{ldl, tree};
@@ -20,10 +21,12 @@ pub fn solve<L: LaneQuery>(
     work: &mut SolverWork<L>,
 ) -> L::Mask {
     start(problem, warmstart, code, work);
-    let converged = rows::forces(problem, code, work);
+    let nowhere = L::Mask::splat(false);
+    work.fields.step[0] = L::zero();
+    let converged = rows::follow(problem, nowhere, code, work).converged;
     let conjugate = problem.model.options.solver == options::Solver::Cg;
     let mut open = open & !converged;
-    let mut landed = L::Mask::splat(false);
+    let mut landed = nowhere;
     let mut niter = L::zero();
     let mut rounds = 0;
     while L::any(open) && rounds < problem.model.options.iterations {
@@ -36,8 +39,8 @@ pub fn solve<L: LaneQuery>(
         } else {
             newton::direction(problem, code, work);
         }
-        let Moved { full, still } = advance(problem, open, work);
-        let converged = rows::forces(problem, code, work);
+        let full = search(problem, open, code, work);
+        let Arrival { converged, still } = rows::follow(problem, open, code, work);
         if !conjugate {
             landed = landed | (open & full);
             open = open & !full;
@@ -59,33 +62,33 @@ fn refine<L: LaneQuery>(problem: &Problem<'_, L>, landed: L::Mask, code: &mut dy
     if !code.polish(problem, &mut work.fields) {
         newton::polish(problem, pattern(problem, &mut work.fill), &mut work.fields);
     }
-    let Solver { qacc, search, twist, .. } = &mut work.fields;
-    rows::of_motion(problem, search, twist, &mut work.jp);
-    for (a, p) in qacc.iter_mut().zip(search.iter()) {
-        *a = L::select(landed, *a + *p, *a);
-    }
-    for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
-        *y = L::select(landed, *y + *v, *y);
-    }
-    rows::forces(problem, code, work);
+    rows::approach(problem, code, work);
+    work.fields.step[0] = L::one();
+    rows::follow(problem, landed, code, work);
 }
 
-/// Sets M p of the search direction p, and the motion of every link with p.
+/// Sets M p of the search direction p, slopes and curvature along it, and the motion of every link with p.
 pub fn motion<L: Lane>(problem: &Problem<'_, L>, solver: &mut Solver<L>) {
-    let Problem { model, position, inertia, .. } = problem;
-    let Solver { search, msearch, twist, .. } = solver;
+    let Problem { model, position, inertia, acceleration, .. } = problem;
+    let Solver { search, msearch, along, twist, ma, gradient, .. } = solver;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
+    let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
+    for i in 0..search.len() {
+        slope = search[i].mul_add(ma[i] - acceleration.qfrc_smooth[i], slope);
+        curvature = search[i].mul_add(msearch[i], curvature);
+        descent = search[i].mul_add(gradient[i], descent);
+    }
+    along.copy_from_slice(&[slope, curvature, descent]);
     tree::twists(model, &position.cdof, search, twist);
 }
 
 /// Chooses the start: sets qacc, M qacc and y.
 fn start<L: LaneQuery>(problem: &Problem<'_, L>, warmstart: &[L], code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let Problem { model, constraint, acceleration, .. } = problem;
+    let Problem { model, position, acceleration, .. } = problem;
     let SolverWork { fields, y, jp, .. } = work;
     let smooth = &acceleration.qacc_smooth;
-    rows::apply(problem, smooth, &mut fields.twist, jp);
-    rows::add_reference(constraint, jp);
-    let cold = rows::cost(constraint, jp);
+    tree::twists(model, &position.cdof, smooth, &mut fields.twist);
+    let cold = rows::survey(problem, smooth, &fields.twist, code, jp);
     for (warm, (smooth, change)) in fields.search.iter_mut().zip(smooth.iter().zip(warmstart)) {
         *warm = *smooth + *change;
     }
@@ -93,14 +96,11 @@ fn start<L: LaneQuery>(problem: &Problem<'_, L>, warmstart: &[L], code: &mut dyn
         motion(problem, fields);
     }
     let Solver { qacc, ma, twist, search: warm, msearch: mwarm, .. } = fields;
-    rows::of_motion(problem, warm, twist, y);
-    rows::add_reference(constraint, y);
-    let mut twice = L::zero();
+    let mut twice = rows::survey(problem, warm, twist, code, y);
     for i in 0..ma.len() {
         twice = warmstart[i].mul_add(mwarm[i] - acceleration.qfrc_smooth[i], twice);
     }
-    let cost = twice.mul_add(L::of(0.5), rows::cost(constraint, y));
-    let use_warm = if model.options.flags.warmstart { cost.lt(cold) } else { L::Mask::splat(false) };
+    let use_warm = if model.options.flags.warmstart { twice.lt(cold) } else { L::Mask::splat(false) };
     for i in 0..ma.len() {
         qacc[i] = L::select(use_warm, warm[i], smooth[i]);
         ma[i] = L::select(use_warm, mwarm[i], acceleration.qfrc_smooth[i]);
@@ -125,48 +125,29 @@ pub(super) fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -
     gradient.sqrt().le(bound) | gradient.le(rounding * rounding * size)
 }
 
-/// How far lanes moved.
-struct Moved<M> {
-    /// A full step on which no row left its quadratic piece.
-    full: M,
-    /// No further than the rounding of the acceleration, in the norm of the inertia matrix: what is left of the gradient is
-    /// rounding of stiff rows, and stays.
-    still: M,
-}
-
-/// Moves along the search direction to the minimum, in the lanes of `open`.
-fn advance<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> Moved<L::Mask> {
-    let Problem { model, acceleration, constraint, .. } = problem;
-    let Solver { qacc, ma, gradient, search, msearch, twist, .. } = &mut work.fields;
-    rows::of_motion(problem, search, twist, &mut work.jp);
-    work.edges.collect(constraint, &work.y, &work.jp);
-    let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
-    for i in 0..search.len() {
-        slope = search[i].mul_add(ma[i] - acceleration.qfrc_smooth[i], slope);
-        curvature = search[i].mul_add(msearch[i], curvature);
-        descent = search[i].mul_add(gradient[i], descent);
-    }
+/// Finds the step along the search direction to the minimum, in the lanes of `open`. Returns those that take a full step on
+/// which no row leaves its quadratic piece.
+fn search<L: LaneQuery>(
+    problem: &Problem<'_, L>,
+    open: L::Mask,
+    code: &mut dyn Code<L>,
+    work: &mut SolverWork<L>,
+) -> L::Mask {
+    let options = &problem.model.options;
+    rows::approach(problem, code, work);
+    let Solver { along, step, .. } = &mut work.fields;
+    let (slope, curvature, descent) = (along[0], along[1], along[2]);
     // Newton's direction is no worse after a rough search; conjugacy is lost by one.
-    let conjugate = model.options.solver == options::Solver::Cg;
-    let precision = model.options.ls_tolerance * if conjugate { 1e-6 } else { 1.0 };
+    let conjugate = options.solver == options::Solver::Cg;
+    let precision = options.ls_tolerance * if conjugate { 1e-6 } else { 1.0 };
     let tolerance = descent.abs() * L::of(precision.max(8.0 * L::Real::EPSILON));
     let full = if conjugate { L::Mask::splat(false) } else { work.edges.unchanged() };
     let searching = open & !full;
     let alpha = if L::any(searching) {
-        work.edges.search(slope, curvature, tolerance, model.options.ls_iterations, searching)
+        work.edges.search(slope, curvature, tolerance, options.ls_iterations, searching)
     } else {
         L::one()
     };
-    let alpha = L::select(searching, alpha, L::one());
-    let mut size = L::zero();
-    for i in 0..search.len() {
-        qacc[i] = L::select(open, alpha.mul_add(search[i], qacc[i]), qacc[i]);
-        ma[i] = L::select(open, alpha.mul_add(msearch[i], ma[i]), ma[i]);
-        size = qacc[i].mul_add(ma[i], size);
-    }
-    for (y, v) in work.y.dof.iter_mut().zip(&work.jp.dof).chain(work.y.component.iter_mut().zip(&work.jp.component)) {
-        *y = L::select(open, alpha.mul_add(*v, *y), *y);
-    }
-    let rounding = L::of(L::Real::EPSILON);
-    Moved { full, still: (alpha * alpha * curvature).le(rounding * rounding * size) }
+    step[0] = L::select(searching, alpha, L::one());
+    full
 }
