@@ -175,9 +175,15 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         let Job { first_world, worlds, group, rows } = job;
         let count = group.blocks().len();
         let mut span = if count > 1 { group::SPAN } else { rollout.nstep };
-        let mut end = 0;
+        let report = |steps: usize| {
+            if let Some(progress) = rollout.progress {
+                progress.fetch_add(steps as u64, Ordering::Relaxed);
+            }
+        };
+        let (mut end, mut left) = (0, rollout.nstep * *worlds);
         while end < rollout.nstep && !rollout.cancelled() {
-            end = rollout.nstep.min(end + span);
+            let steps = span.min(rollout.nstep - end);
+            end += steps;
             for b in 0..count {
                 let block = &mut group.blocks()[b];
                 self.guard(block, worker, |block, worker| {
@@ -197,15 +203,16 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                 if end < rollout.nstep {
                     group.observe(b, &self.tables, &worker.workspace);
                 }
+                let done = steps * group.blocks()[b].ids.len();
+                left -= done;
+                report(done);
             }
             if end < rollout.nstep && !group.sort() {
                 // What is in order now will be for a while.
                 span = rollout.nstep.min(2 * span);
             }
         }
-        if let Some(progress) = rollout.progress {
-            progress.fetch_add((rollout.nstep * *worlds) as u64, Ordering::Relaxed);
-        }
+        report(left);
     }
 
     /// Computes outputs of one block's present states.

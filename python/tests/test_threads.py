@@ -64,8 +64,8 @@ def test_the_interpreter_is_free_while_stepping(humanoid) -> None:
 def test_progress_is_followed(humanoid) -> None:
     worlds = lanesim.Worlds(humanoid, 2048)
     seen: list[tuple[int, int]] = []
-    worlds.step(100, progress=lambda done, total: seen.append((done, total)))
-    assert seen[-1] == (204_800, 204_800)
+    worlds.step(1000, progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (2_048_000, 2_048_000)
     assert [done for done, _ in seen] == sorted(done for done, _ in seen) and len(seen) > 2
     worlds.step(1, progress=True)
 
