@@ -119,7 +119,8 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         Ok(Batch { store, crew })
     }
 
-    /// Does `work` for all blocks, `size` at a time, on all workers. Each of `rows` is an array of equally many entries per
+    /// Does `work` for all blocks on all workers, at most `size` at a time, and fewer towards the end, so that the workers end
+    /// together. Each of `rows` is an array of equally many entries per
     /// world; a group of blocks gets those of its worlds.
     fn each(
         &mut self,
@@ -129,11 +130,15 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
     ) {
         let Batch { store, crew } = self;
         let widths: Vec<usize> = rows.iter().map(|rows| rows.len().checked_div(crew.nworld).unwrap_or(0)).collect();
-        let shares = store.groups(size).enumerate().map(|(g, blocks)| {
-            let first_world = g * size * L::WIDTH;
-            let worlds = (size * L::WIDTH).min(crew.nworld - first_world);
+        let threads = crew.pool.threads();
+        let share = |left: usize| if threads == 1 { size } else { size.min(left / (2 * threads)).max(1) };
+        let mut first_world = 0;
+        let shares = store.groups(share).map(|blocks| {
+            let first = first_world;
+            let worlds = (blocks.1.len() * L::WIDTH).min(crew.nworld - first);
+            first_world += worlds;
             let rows: Vec<_> = rows.iter_mut().zip(&widths).map(|(rows, width)| rows.take(worlds * width)).collect();
-            (first_world, worlds, blocks, rows)
+            (first, worlds, blocks, rows)
         });
         let queue = Mutex::new(shares);
         let crew = &*crew;
@@ -406,9 +411,9 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         let mut plan = Plan::step(rollout.outputs);
         plan.residual |= rollout.statistics;
         self.crew.clear();
-        let Crew { tables, pool, nworld, .. } = &self.crew;
+        let tables = &self.crew.tables;
         let bytes = Store::<L>::block_bytes(&tables.sizes);
-        let size = group::size(tables, nworld.div_ceil(L::WIDTH), bytes, pool.threads(), rollout.nstep);
+        let size = group::size(tables, bytes, rollout.nstep);
         self.each(size, rows, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
         self.crew.steps += rollout.nstep as u64;
         self.crew.collect()

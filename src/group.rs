@@ -22,14 +22,9 @@ const CACHE: usize = 1 << 18;
 /// Contacts of a world that are looked at.
 const SEEN: usize = 24;
 
-/// How many blocks to take together, of `blocks` of a model for `threads` threads: enough to find worlds that are alike,
-/// few enough to keep all threads busy to the end.
-pub(crate) fn size<T>(model: &Model<T>, blocks: usize, block_bytes: usize, threads: usize, nstep: usize) -> usize {
-    if model.pairs.is_empty() || nstep <= SPAN {
-        return 1;
-    }
-    let shares = if threads == 1 { 1 } else { 8 * threads };
-    (blocks / shares).min(CACHE / block_bytes).clamp(1, MOST)
+/// How many blocks of a model to take together: enough to find worlds that are alike, few enough to stay in cache.
+pub(crate) fn size<T>(model: &Model<T>, block_bytes: usize, nstep: usize) -> usize {
+    if model.pairs.is_empty() || nstep <= SPAN { 1 } else { (CACHE / block_bytes).clamp(1, MOST) }
 }
 
 /// The contact slots that a world had in the last step.

@@ -55,9 +55,15 @@ impl<L: LaneQuery> Store<L> {
         state_len::<L>(sizes) * size_of::<L>() + size_of::<Kept<L>>()
     }
 
-    /// All blocks, `size` at a time: their states, and what else is kept of them.
-    pub fn groups(&mut self, size: usize) -> impl Iterator<Item = (&mut [L], &mut [Kept<L>])> {
-        self.states.chunks_mut(size * self.len).zip(self.kept.chunks_mut(size))
+    /// All blocks, as many at a time as `size` says of the number that is left: their states, and what else is kept of them.
+    pub fn groups(&mut self, size: impl Fn(usize) -> usize) -> impl Iterator<Item = (&mut [L], &mut [Kept<L>])> {
+        let (len, mut states, mut kept) = (self.len, &mut self.states[..], &mut self.kept[..]);
+        std::iter::from_fn(move || {
+            let count = size(kept.len()).min(kept.len());
+            let first = states.split_off_mut(..count * len)?;
+            let group = kept.split_off_mut(..count)?;
+            (count > 0).then_some((first, group))
+        })
     }
 
     /// Where a block's state is.
