@@ -37,6 +37,13 @@ impl Code {
         match self.none {}
     }
 
+    /// # Safety
+    ///
+    /// Cannot be called.
+    pub unsafe fn run_each(&self, _: &Arguments, _: &[usize]) {
+        match self.none {}
+    }
+
     pub fn disassembly(&self) -> String {
         match self.none {}
     }

@@ -1,5 +1,9 @@
 //! Compiled fragments, and running them.
 
+mod windows;
+
+pub use windows::{Windows, WindowsList};
+
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::time::Instant;
@@ -8,7 +12,7 @@ use crate::allocate::allocate;
 use crate::error::CompileError;
 use crate::float::{BLOCK_BYTES, Float, Precision};
 use crate::isa::InstructionSet;
-use crate::layout::{Bindings, bias, constant_bias, constant_bytes, field_step};
+use crate::layout::{Bindings, Columns, bias, constant_bias, constant_bytes, field_step};
 use crate::lower::{MaskOutput, lower};
 use crate::native::{Arguments, Code};
 use crate::recording::{FieldKind, FieldUse, Program};
@@ -94,6 +98,12 @@ impl Wanted {
         }
     }
 
+    /// Number of entries.
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.tag >> 2
+    }
+
     /// Bits in which the field differs.
     #[inline(always)]
     fn differs<T>(&self, field: &FieldSlice<'_, T>) -> usize {
@@ -137,9 +147,14 @@ impl Scratch {
     }
 }
 
+#[inline(always)]
 fn grow<X: Copy>(x: &mut Vec<X>, len: usize, filling: X) {
-    if x.len() < len {
+    #[cold]
+    fn resize<X: Copy>(x: &mut Vec<X>, len: usize, filling: X) {
         x.resize(len, filling);
+    }
+    if x.len() < len {
+        resize(x, len, filling);
     }
 }
 
@@ -152,6 +167,8 @@ pub struct Fragment<T> {
     wanted: Vec<Wanted>,
     masks_in: usize,
     masks_out: Vec<MaskOutput>,
+    /// Of code that runs once for every item of a list.
+    columns: Option<Columns>,
     /// Blocks of memory for spilled values.
     slot_blocks: usize,
     statistics: Statistics,
@@ -166,13 +183,17 @@ impl<T: Float> Program<T> {
     /// If the platform or the processor cannot run the code, the system refuses memory for it, or the program is too
     /// large. The caller then runs its kernels over other lanes.
     pub fn compile(&self, isa: InstructionSet) -> Result<Fragment<T>, CompileError> {
+        self.compile_with(isa, None)
+    }
+
+    fn compile_with(&self, isa: InstructionSet, columns: Option<Columns>) -> Result<Fragment<T>, CompileError> {
         isa.check()?;
         let start = Instant::now();
         let precision = T::PRECISION;
         let lowered = lower(self, isa);
         let allocated = allocate(&lowered, isa);
         let (masks_in, masks_out) = self.masks();
-        let bindings = Bindings { fields: &self.fields, masks_in, masks_out };
+        let bindings = Bindings { fields: &self.fields, masks_in, masks_out, windows: columns.as_ref() };
         let code = Code::new(&allocated, bindings, isa, precision)?;
         let bytes = constant_bytes(&allocated.constants, isa, precision);
         let constants = bytes.chunks(BLOCK_BYTES).map(|chunk| {
@@ -203,6 +224,7 @@ impl<T: Float> Program<T> {
             fields: self.fields.clone(),
             masks_in,
             masks_out: lowered.masks_out,
+            columns,
             slot_blocks: (allocated.slots as usize * isa.vector_bytes()).div_ceil(BLOCK_BYTES),
             statistics,
             code,
@@ -216,8 +238,8 @@ impl<T: Float> Fragment<T> {
     ///
     /// # Panics
     ///
-    /// If the number of fields or masks, or a field's kind or length, differs from what was recorded, or a field that is
-    /// written was lent for reading only.
+    /// If the number of fields or masks, or a field's kind or length, differs from what was recorded, a field that is
+    /// written was lent for reading only, or the code was made for windows.
     pub fn run(
         &self,
         scratch: &mut Scratch,
@@ -225,15 +247,18 @@ impl<T: Float> Fragment<T> {
         masks_in: &[u32],
         masks_out: &mut [u32],
     ) {
-        self.check(fields, masks_in, masks_out);
+        assert!(self.columns.is_none(), "code for windows");
+        assert_eq!(fields.len(), self.fields.len(), "number of fields");
+        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
+        assert_eq!(masks_out.len(), self.masks_out.len(), "number of masks returned");
         scratch.reserve(self);
         let isa = self.statistics.isa;
         for run in 0..self.runs() {
-            for ((address, field), wanted) in scratch.fields.iter_mut().zip(&*fields).zip(&self.wanted) {
-                *address = wanted.address(field, run);
+            if self.put_addresses(fields, run, scratch) != 0 {
+                self.refuse(fields);
             }
             let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
-            // SAFETY: `check` has compared kinds, lengths and mutability of all fields with those that the code was emitted
+            // SAFETY: kinds, lengths and mutability of all fields have been compared with those that the code was emitted
             // for; `Block` types and `Aligned` are aligned to 64 bytes; scratch and constants have the lengths that the
             // code was emitted for; the fields' borrows last until the end of this function, mutable where written to.
             unsafe { self.code.run(&arguments) };
@@ -241,51 +266,21 @@ impl<T: Float> Fragment<T> {
         }
     }
 
-    /// Runs the code once for every item of `starts`, one after the other, on parts of larger fields: of each field the
-    /// recorded number of entries from the start that the item gives for it. What a run writes, the next one reads.
-    ///
-    /// # Panics
-    ///
-    /// If the code returns masks, a field's kind differs from what was recorded, a field that is written was lent for
-    /// reading only, the number of fields or masks differs, or a part does not lie within its field.
-    pub fn run_each<const N: usize>(
-        &self,
-        scratch: &mut Scratch,
-        fields: &mut [FieldSlice<'_, T>; N],
-        masks_in: &[u32],
-        starts: impl Iterator<Item = [usize; N]> + Clone,
-    ) {
-        assert_eq!(self.fields.len(), N, "number of fields");
-        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
-        assert!(self.masks_out.is_empty(), "code that returns masks runs once");
-        let steps: [usize; N] = std::array::from_fn(|i| field_step(self.fields[i].kind, T::PRECISION));
-        let last: [usize; N] = std::array::from_fn(|i| {
-            let (field, bound) = (&fields[i], &self.fields[i]);
-            let same = self.wanted[i].differs(field) & 3 == 0;
-            assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
-            field.len() - bound.len
-        });
-        scratch.reserve(self);
-        for run in 0..self.runs() {
-            let bases: [*mut u8; N] = std::array::from_fn(|i| self.wanted[i].address(&fields[i], run));
-            let shared = self.arguments(scratch, masks_in, run);
-            for starts in starts.clone() {
-                let mut addresses = bases;
-                for i in 0..N {
-                    assert!(starts[i] <= last[i], "part of field {i} from {}", starts[i]);
-                    addresses[i] = bases[i].wrapping_add(starts[i] * steps[i]);
-                }
-                // SAFETY: as in `run`, with parts of fields that lie within them: their kinds and mutability were compared
-                // above, and `last` is the largest start from which a field still has the recorded number of entries. The
-                // addresses are read during the call only.
-                unsafe { self.code.run(&Arguments { fields: addresses.as_ptr(), ..shared }) };
-            }
-        }
-    }
-
     /// How often the code runs for a block.
     fn runs(&self) -> usize {
         BLOCK_BYTES / self.statistics.isa.vector_bytes()
+    }
+
+    /// Writes down where the fields are, for a run on part of a block; returns in which bits any differs from what was
+    /// recorded.
+    #[inline(always)]
+    fn put_addresses(&self, fields: &[FieldSlice<'_, T>], run: usize, scratch: &mut Scratch) -> usize {
+        let mut differences = 0;
+        for ((address, field), wanted) in scratch.fields.iter_mut().zip(fields).zip(&self.wanted) {
+            *address = wanted.address(field, run);
+            differences |= wanted.differs(field);
+        }
+        differences
     }
 
     /// What the code is given beside the fields, for a run on part of a block.
@@ -304,18 +299,8 @@ impl<T: Float> Fragment<T> {
         }
     }
 
-    fn check(&self, fields: &[FieldSlice<'_, T>], masks_in: &[u32], masks_out: &[u32]) {
-        assert_eq!(fields.len(), self.fields.len(), "number of fields");
-        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
-        assert_eq!(masks_out.len(), self.masks_out.len(), "number of masks returned");
-        let differences = fields.iter().zip(&self.wanted).fold(0, |all, (field, wanted)| all | wanted.differs(field));
-        if differences != 0 {
-            self.refuse(fields);
-        }
-    }
-
     #[cold]
-    fn refuse(&self, fields: &[FieldSlice<'_, T>]) {
+    fn refuse(&self, fields: &[FieldSlice<'_, T>]) -> ! {
         for (i, ((field, bound), wanted)) in fields.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
             let (kind, writable) = (field.tag >> 1 & 1, field.tag & 1);
             let kind = if kind == 0 { FieldKind::Lanes } else { FieldKind::Uniform };
@@ -326,6 +311,7 @@ impl<T: Float> Fragment<T> {
                 writable != 0
             );
         }
+        unreachable!("some field differs");
     }
 
     /// Adds the masks that a run returned, whose first lane is `first`.

@@ -12,6 +12,24 @@ pub(crate) struct Bindings<'a> {
     pub masks_in: usize,
     /// Number of masks returned.
     pub masks_out: usize,
+    /// For code that runs once for every item of a list.
+    pub windows: Option<&'a Columns>,
+}
+
+/// Which fields start elsewhere for every item of a list, and where in an item that is said.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Columns {
+    /// For every field, its column if it has one; the others stay where they are.
+    pub of_fields: Vec<Option<u32>>,
+    /// Columns of an item.
+    pub width: usize,
+}
+
+impl Columns {
+    /// Bytes of an item.
+    pub fn item_bytes(&self) -> usize {
+        self.width * size_of::<usize>()
+    }
 }
 
 /// Distance from the start of a field, the slots or the constants to the address that code is given, bytes.

@@ -46,7 +46,7 @@
 //! | `machine` | instructions on registers, still without encoding |
 //! | `layout`, `emit` | addresses and displacements; encoding by `iced-x86`, one emitter for all instruction sets |
 //! | `memory`, `native` | pages that are written, then executable, never both; calling them |
-//! | `fragment` | the safe interface: checks what it is given, then runs the code |
+//! | `fragment` | the safe interface: checks what it is given, then runs the code, once or in a loop over windows |
 //!
 //! # What holds
 //!
@@ -57,13 +57,16 @@
 //! * **A block is 64 bytes per lane value** with every instruction set: 16 worlds in single precision, 8 in double. AVX-512
 //!   takes it at once, AVX2 in two runs of the same code.
 //! * **Fields may be read and written**: inputs are what a field held when the fragment started, whatever is stored to it.
+//! * **Loops are over windows**: [`Program::compile_each`] makes code that runs once for every item of a list, which says
+//!   where in larger fields the recorded ones start ([`Windows`]). Lists know how far they reach, so one comparison per field
+//!   does for a run.
 //! * **Safe callers stay safe**: lengths and mutability of fields are compared with the recording before every run, and
 //!   every memory operand with its field when the code is made. This is the only package of the project with unsafe code:
 //!   calling what it emitted, and little else.
 //! * **No code is no error of the caller**: on other platforms, older processors or systems that forbid executable memory,
 //!   [`Program::compile`] says why, and kernels run over `wide` lanes.
 //!
-//! A fragment is one basic block. What depends on values - iterations of a solver, skipping stages that no world needs -
+//! A fragment is one basic block, or that in a loop. What depends on values - iterations of a solver, skipping stages that no world needs -
 //! is between fragments: they return masks as bits for that.
 
 // Where there is no code, there is nothing that reads the instructions for it.
@@ -93,7 +96,7 @@ mod uses;
 
 pub use error::CompileError;
 pub use float::{Block, Float, Precision};
-pub use fragment::{FieldSlice, Fragment, Scratch};
+pub use fragment::{FieldSlice, Fragment, Scratch, Windows, WindowsList};
 pub use graph::Op;
 pub use isa::InstructionSet;
 pub use recorder::{Recorder, RecorderMask};

@@ -21,6 +21,8 @@ pub(crate) struct Arguments {
 }
 
 type Entry = unsafe extern "sysv64" fn(*const *mut u8, *const u8, *mut u8, *const u32, *mut u32);
+/// The last two: the first item, and the end of the items.
+type EntryEach = unsafe extern "sysv64" fn(*const *mut u8, *const u8, *mut u8, *const u32, *const usize, *const usize);
 
 /// The code of a fragment.
 pub(crate) struct Code {
@@ -64,6 +66,22 @@ impl Code {
         unsafe {
             entry(arguments.fields, arguments.constants, arguments.slots, arguments.masks_in, arguments.masks_out);
         }
+    }
+
+    /// Runs the code that was emitted for windows, once for every item.
+    ///
+    /// # Safety
+    ///
+    /// As for [`run`](Code::run), for the fields from where every item says that they start. The items are whole ones of
+    /// the width that the code was emitted for, and at least one.
+    #[inline]
+    pub unsafe fn run_each(&self, arguments: &Arguments, items: &[usize]) {
+        let Arguments { fields, constants, slots, masks_in, .. } = *arguments;
+        let items = items.as_ptr_range();
+        // SAFETY: as in `run`: for windows, `emit` writes a function of this signature.
+        let entry = unsafe { std::mem::transmute::<*const u8, EntryEach>(self.memory.code().as_ptr()) };
+        // SAFETY: as in `run`; the loop ends at the end of the items, which is a whole number of them, not 0, ahead.
+        unsafe { entry(fields, constants, slots, masks_in, items.start, items.end) };
     }
 
     /// The instructions as text, one a line.

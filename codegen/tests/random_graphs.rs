@@ -4,7 +4,7 @@
 
 mod support;
 
-use lanesim_codegen::{FieldSlice, Float, Recorder, Recording, Scratch};
+use lanesim_codegen::{FieldSlice, Float, Program, Recorder, Recording, Scratch, Windows};
 use lanesim_kernels::lane::{Lane, LaneQuery, Mask, Scalar};
 use support::{Random, instruction_sets, same};
 
@@ -221,6 +221,21 @@ const OWN: usize = 0;
 const UNIFORM: usize = 1;
 const OTHER: usize = 3;
 
+fn record<T: Float>(graph: &Graph, mask_outputs: &[usize]) -> Program<T> {
+    let mut recording = Recording::<T>::new();
+    let mut leaves = recording.input(OWN, graph.inputs);
+    leaves.extend(recording.uniform(UNIFORM, graph.uniforms));
+    let masks: Vec<_> = (0..graph.masks).map(|_| recording.mask_input()).collect();
+    let (v, m) = evaluate::<Recorder<T>>(graph, &leaves, &masks, &mut |_, _| {});
+    for (field, outputs) in [OWN, OTHER].into_iter().zip(&graph.outputs) {
+        recording.output(field, &outputs.iter().map(|i| v[*i]).collect::<Vec<_>>());
+    }
+    for i in mask_outputs {
+        recording.mask_output(m[*i]);
+    }
+    recording.finish()
+}
+
 /// Returns in how many lanes the comparison was fair.
 fn check<T: Float + LaneQuery<Mask = bool>>(graph: &Graph, data: &Data<T>, kind: Kind, scratch: &mut Scratch) -> usize {
     let expected: Vec<_> = (0..T::Block::WIDTH).map(|lane| reference(graph, data, lane, kind)).collect();
@@ -231,18 +246,7 @@ fn check<T: Float + LaneQuery<Mask = bool>>(graph: &Graph, data: &Data<T>, kind:
     let wide = stored(graph, &evaluate(graph, &leaves, &masks, &mut |_, _| {}));
     compare("wide", graph, &wide, &expected);
 
-    let mut recording = Recording::<T>::new();
-    let mut leaves = recording.input(OWN, graph.inputs);
-    leaves.extend(recording.uniform(UNIFORM, graph.uniforms));
-    let masks: Vec<_> = (0..graph.masks).map(|_| recording.mask_input()).collect();
-    let (v, m) = evaluate::<Recorder<T>>(graph, &leaves, &masks, &mut |_, _| {});
-    for (field, outputs) in [OWN, OTHER].into_iter().zip(&graph.outputs) {
-        recording.output(field, &outputs.iter().map(|i| v[*i]).collect::<Vec<_>>());
-    }
-    for i in &graph.mask_outputs {
-        recording.mask_output(m[*i]);
-    }
-    let program = recording.finish();
+    let program = record::<T>(graph, &graph.mask_outputs);
     for isa in instruction_sets() {
         let fragment = program.compile(isa).unwrap();
         let (mut own, mut other) = (data.lanes.clone(), vec![T::Block::zero(); graph.outputs[1].len()]);
@@ -262,6 +266,41 @@ fn check<T: Float + LaneQuery<Mask = bool>>(graph: &Graph, data: &Data<T>, kind:
     expected.iter().filter(|(_, fair)| *fair).count()
 }
 
+/// A loop over windows leaves the bits that single runs on the same windows leave, one after the other.
+fn check_windows<T: Float>(graph: &Graph, random: &mut Random, data: &Data<T>, scratch: &mut Scratch) {
+    let program = record::<T>(graph, &[]);
+    let (own, other) = (graph.inputs, graph.outputs[1].len());
+    let (spare, items) = (3, 1 + random.below(5));
+    let lanes = |n: usize| (0..n + spare).map(|i| data.lanes[i % own]).collect::<Vec<_>>();
+    let mut windows = Windows::<3>::default();
+    windows.begin();
+    windows.push([usize::MAX; 3]);
+    windows.begin();
+    // The first column is of no field.
+    let starts: Vec<_> = (0..items).map(|_| [usize::MAX, random.below(spare + 1), random.below(spare + 1)]).collect();
+    starts.iter().for_each(|item| windows.push(*item));
+    for isa in instruction_sets() {
+        let (single, each) =
+            (program.compile(isa).unwrap(), program.compile_each::<3>(isa, &[Some(2), None, None, Some(1)]));
+        let (mut a, mut b) = ((lanes(own), lanes(other)), (lanes(own), lanes(other)));
+        for [_, start, own_start] in &starts {
+            let mut fields = [
+                FieldSlice::write(&mut a.0[*own_start..own_start + own]),
+                FieldSlice::uniform(&data.uniforms),
+                FieldSlice::unused(),
+                FieldSlice::write(&mut a.1[*start..start + other]),
+            ];
+            single.run(scratch, &mut fields, &data.masks, &mut []);
+        }
+        let uniforms = FieldSlice::uniform(&data.uniforms);
+        let mut fields = [FieldSlice::write(&mut b.0), uniforms, FieldSlice::unused(), FieldSlice::write(&mut b.1)];
+        each.unwrap().run_each(scratch, &mut fields, &data.masks, windows.list(1));
+        for (a, b) in a.0.iter().zip(&b.0).chain(a.1.iter().zip(&b.1)) {
+            (0..T::Block::WIDTH).for_each(|lane| assert_eq!(a.get(lane).bits(), b.get(lane).bits(), "{}", isa.name()));
+        }
+    }
+}
+
 fn setting(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default)
 }
@@ -275,6 +314,7 @@ fn random_graphs<T: Float + LaneQuery<Mask = bool> + Scalar>(kind: Kind) {
         let graph = graph(&mut random, kind);
         let data = Data::<T>::new(&graph, &mut random, kind);
         compared += check(&graph, &data, kind, &mut scratch);
+        check_windows(&graph, &mut random, &data, &mut scratch);
     }
     assert!(compared as u64 > count * T::Block::WIDTH as u64 / 2, "only {compared} lanes were compared");
 }

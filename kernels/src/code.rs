@@ -48,6 +48,9 @@ pub trait Code<L: LaneQuery> {
         None
     }
 
+    /// A solve begins: the contacts that the next four are called for, as [`Contacts::runs`] has them.
+    fn contacts(&mut self, _: &Constraint<L>) {}
+
     /// [`contact::survey`](crate::solver::contact::survey) of the contacts: motions of links, y, twice the cost.
     fn survey(
         &mut self,

@@ -19,7 +19,7 @@ use lanesim_kernels::solver::{Problem, Solver};
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::workspace::Workspace;
 
-use contacts::{ContactCode, ContactPart};
+use contacts::{ContactCode, ContactPart, Places};
 use parts::{SmoothKind, SolverPart};
 
 /// Operations beyond which a part stays with the kernels: its code would not stay in a core's cache.
@@ -170,13 +170,18 @@ impl<T: Float> std::fmt::Debug for Codes<T> {
 pub(crate) struct Native<T: Float> {
     code: Arc<ModelCode<T>>,
     scratch: Scratch,
+    /// Of the contacts of the present solve.
+    places: Places,
 }
 
 impl<T: Float> Native<T> {
     pub fn new(code: Arc<ModelCode<T>>) -> Self {
-        Native { code, scratch: Scratch::new() }
+        let most = code.tables.capacity().contacts;
+        Native { code, scratch: Scratch::new(), places: Places::with_capacity(most, most) }
     }
 
+    /// Inlined, so that the fields of a part are known where it is run.
+    #[inline(always)]
     fn solver(
         &mut self,
         part: SolverPart,
@@ -275,6 +280,10 @@ impl<L: Block> Code<L> for Native<L::Float> {
         self.solver(SolverPart::Gather, problem, solver, &[open], &mut arrived).then_some(arrived)
     }
 
+    fn contacts(&mut self, constraint: &Constraint<L>) {
+        contacts::place(constraint, &mut self.places);
+    }
+
     fn survey(
         &mut self,
         constraint: &Constraint<L>,
@@ -284,7 +293,8 @@ impl<L: Block> Code<L> for Native<L::Float> {
         twice: &mut [L; 1],
     ) -> bool {
         let Some(fragment) = self.code.contact(ContactPart::Survey, list.kind) else { return false };
-        contacts::survey(fragment, &mut self.scratch, constraint, list, twist, y, twice);
+        let windows = contacts::windows(&self.places, list);
+        contacts::survey(fragment, &mut self.scratch, constraint, windows, twist, y, twice);
         true
     }
 
@@ -298,7 +308,8 @@ impl<L: Block> Code<L> for Native<L::Float> {
         edges: &mut Edges<L>,
     ) -> bool {
         let Some(fragment) = self.code.contact(ContactPart::Approach, list.kind) else { return false };
-        contacts::approach(fragment, &mut self.scratch, constraint, list, twist, y, jp, edges);
+        let windows = (list.kind.cone, contacts::windows(&self.places, list));
+        contacts::approach(fragment, &mut self.scratch, constraint, windows, twist, y, jp, edges);
         true
     }
 
@@ -314,13 +325,15 @@ impl<L: Block> Code<L> for Native<L::Float> {
         wrench: &mut [[L; 6]],
     ) -> bool {
         let Some(fragment) = self.code.contact(ContactPart::Act, list.kind) else { return false };
-        contacts::act(fragment, &mut self.scratch, constraint, list, (step, open), jp, y, force, wrench);
+        let windows = contacts::windows(&self.places, list);
+        contacts::act(fragment, &mut self.scratch, constraint, windows, (step, open), jp, y, force, wrench);
         true
     }
 
     fn stiffen(&mut self, constraint: &Constraint<L>, list: Contacts<'_>, y: &[L], stiffness: &mut [[L; 21]]) -> bool {
         let Some(fragment) = self.code.contact(ContactPart::Stiffen, list.kind) else { return false };
-        contacts::stiffen(fragment, &mut self.scratch, constraint, list, y, stiffness);
+        let windows = contacts::windows(&self.places, list);
+        contacts::stiffen(fragment, &mut self.scratch, constraint, windows, y, stiffness);
         true
     }
 

@@ -46,7 +46,7 @@ pub const SOLVER_FIELDS: usize = 9;
 
 impl SolverPart {
     /// The solver's fields that it works on, and how many of the first of them it changes.
-    #[inline]
+    #[inline(always)]
     pub fn fields<L: Lane>(self, solver: &mut Solver<L>) -> ([&mut [L]; SOLVER_FIELDS], usize) {
         let Solver { search, msearch, along, step, hessian, inverse, gradient, qfrc_constraint, qacc, ma, .. } = solver;
         let twist = solver.twist.as_flattened_mut();

@@ -3,6 +3,9 @@
 //! The code is a System V function of the table of field addresses, the constants, the scratch slots, the masks given and
 //! the masks returned. All addresses but those of masks point [`bias`] bytes ahead, so that short displacements reach twice
 //! as far. With AVX2 it computes the half of a block that the field addresses point to.
+//!
+//! Code for windows is a loop over items, whose first and whose end it gets in place of the masks returned. An item is a
+//! row of offsets in bytes, which are added to the addresses of the fields that have a column.
 
 mod bases;
 mod codes;
@@ -15,7 +18,7 @@ use crate::error::CompileError;
 use crate::float::Precision;
 use crate::graph::Op;
 use crate::isa::InstructionSet;
-use crate::layout::{Bindings, bias, constant_step, field_step};
+use crate::layout::{Bindings, Columns, bias, constant_step, field_step};
 use crate::machine::{Class, Instruction, Place, Source};
 use crate::recording::FieldKind;
 
@@ -26,6 +29,11 @@ const MASKS_IN: Register = Register::RCX;
 const MASKS_OUT: Register = Register::R8;
 /// Holds a word of bits on its way to memory.
 const BITS: Register = Register::EAX;
+/// The present item of code for windows, which returns no masks.
+const ITEM: Register = MASKS_OUT;
+/// How the end of the items arrives, and what holds it during the loop.
+const LAST_ARGUMENT: Register = Register::R9;
+const END: Register = Register::RAX;
 
 /// Largest displacement that is used.
 const REACH: usize = 1 << 30;
@@ -52,6 +60,7 @@ pub(crate) fn emit(
     let mut emitter = Emitter {
         encoder: Encoder::new(64),
         count: 0,
+        bytes: 0,
         isa,
         precision,
         bindings,
@@ -70,6 +79,8 @@ type Encoded = Result<(), iced_x86::IcedError>;
 struct Emitter<'a> {
     encoder: Encoder,
     count: usize,
+    /// Bytes of the code so far.
+    bytes: usize,
     isa: InstructionSet,
     precision: Precision,
     bindings: Bindings<'a>,
@@ -84,8 +95,9 @@ impl Emitter<'_> {
         for register in preserved {
             self.put(Native::with1(Code::Push_r64, *register)?)?;
         }
-        for instruction in instructions {
-            self.instruction(instruction)?;
+        match self.bindings.windows {
+            None => instructions.iter().try_for_each(|instruction| self.instruction(instruction))?,
+            Some(columns) => self.for_each_item(columns, instructions)?,
         }
         for register in preserved.iter().rev() {
             self.put(Native::with1(Code::Pop_r64, *register)?)?;
@@ -94,9 +106,20 @@ impl Emitter<'_> {
         self.put(Native::with(Code::Retnq))
     }
 
+    fn for_each_item(&mut self, columns: &Columns, instructions: &[Instruction]) -> Encoded {
+        assert_eq!(self.bindings.masks_out, 0, "masks returned");
+        self.put(Native::with2(Code::Mov_r64_rm64, END, LAST_ARGUMENT)?)?;
+        let first = self.bytes as u64;
+        instructions.iter().try_for_each(|instruction| self.instruction(instruction))?;
+        self.put(Native::with2(Code::Add_rm64_imm32, ITEM, columns.item_bytes() as i32)?)?;
+        self.put(Native::with2(Code::Cmp_rm64_r64, ITEM, END)?)?;
+        self.put(Native::with_branch(Code::Jne_rel32_64, first)?)
+    }
+
     fn put(&mut self, native: Native) -> Encoded {
         self.count += 1;
-        self.encoder.encode(&native, 0).map(|_| ())
+        self.bytes += self.encoder.encode(&native, self.bytes as u64)?;
+        Ok(())
     }
 
     fn code(&self, op: Op) -> Code {
@@ -321,6 +344,17 @@ impl Emitter<'_> {
         Ok(MemoryOperand { is_broadcast: broadcast, ..MemoryOperand::with_base_displ(base, offset) })
     }
 
+    /// Loads the address of a field, or of its part for the present item.
+    fn address(&mut self, field: u32, register: Register) -> Encoded {
+        let address = MemoryOperand::with_base_displ(FIELDS, 8 * i64::from(field));
+        let Some(column) = self.bindings.windows.and_then(|columns| columns.of_fields[field as usize]) else {
+            return self.put(Native::with2(Code::Mov_r64_rm64, register, address)?);
+        };
+        let offset = MemoryOperand::with_base_displ(ITEM, 8 * i64::from(column));
+        self.put(Native::with2(Code::Mov_r64_rm64, register, offset)?)?;
+        self.put(Native::with2(Code::Add_r64_rm64, register, address)?)
+    }
+
     /// Register, displacement and broadcast for an entry of a field.
     fn entry(&mut self, field: u32, entry: u32, kind: FieldKind) -> Result<(Register, i64, bool), iced_x86::IcedError> {
         let bound = self.bindings.fields[field as usize];
@@ -330,8 +364,7 @@ impl Emitter<'_> {
         let start = i64::from(stretch) * i64::from(self.stretch_len(field)) * step as i64;
         let (register, missing) = self.bases.access((field, stretch));
         if missing {
-            let address = MemoryOperand::with_base_displ(FIELDS, 8 * i64::from(field));
-            self.put(Native::with2(Code::Mov_r64_rm64, register, address)?)?;
+            self.address(field, register)?;
             if start > 0 {
                 self.put(Native::with2(Code::Add_rm64_imm32, register, start as i32)?)?;
             }

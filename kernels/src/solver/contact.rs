@@ -29,6 +29,8 @@ pub struct Kind {
 pub struct Contacts<'a> {
     /// Their kind.
     pub kind: Kind,
+    /// How many such runs are before it in the block's list.
+    pub number: usize,
     rows: &'a [ContactRow],
 }
 
@@ -37,7 +39,7 @@ impl<'a> Contacts<'a> {
     pub fn runs<L: Lane>(constraint: &'a Constraint<L>) -> impl Iterator<Item = Contacts<'a>> {
         let kind = |row: &ContactRow| Kind { cone: row.cone, dim: row.dim };
         let runs = constraint.contact_rows.chunk_by(move |a, b| kind(a) == kind(b));
-        runs.map(move |rows| Contacts { kind: kind(&rows[0]), rows })
+        runs.enumerate().map(move |(number, rows)| Contacts { kind: kind(&rows[0]), number, rows })
     }
 
     /// One by one.

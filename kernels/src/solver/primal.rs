@@ -20,6 +20,7 @@ pub fn solve<L: LaneQuery>(
     code: &mut dyn Code<L>,
     work: &mut SolverWork<L>,
 ) -> L::Mask {
+    code.contacts(problem.constraint);
     start(problem, warmstart, code, work);
     let nowhere = L::Mask::splat(false);
     work.fields.step[0] = L::zero();

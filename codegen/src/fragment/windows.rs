@@ -1,0 +1,180 @@
+//! Code that runs once for every item of a list, on windows into larger fields.
+
+use super::{FieldSlice, Fragment, Scratch};
+use crate::error::CompileError;
+use crate::float::{BLOCK_BYTES, Float};
+use crate::isa::InstructionSet;
+use crate::layout::Columns;
+use crate::native::Arguments;
+use crate::recording::{FieldKind, Program};
+
+/// Lists of items, each of which says where windows into fields start, in `N` columns. They are filled once and used by
+/// any number of runs, by any code that was compiled for `N` columns.
+#[derive(Clone, Debug, Default)]
+pub struct Windows<const N: usize> {
+    /// Starts in bytes, as the code adds them to addresses.
+    offsets: Vec<[usize; N]>,
+    lists: Vec<Extent<N>>,
+}
+
+/// A list among the others.
+#[derive(Clone, Copy, Debug)]
+struct Extent<const N: usize> {
+    first: usize,
+    end: usize,
+    /// The largest start in every column, entries.
+    largest: [usize; N],
+}
+
+/// A list of [`Windows`].
+#[derive(Clone, Copy, Debug)]
+pub struct WindowsList<'a, const N: usize> {
+    offsets: &'a [[usize; N]],
+    largest: [usize; N],
+}
+
+impl<const N: usize> Windows<N> {
+    /// No lists, and room for some with so many items together.
+    pub fn with_capacity(lists: usize, items: usize) -> Self {
+        Windows { offsets: Vec::with_capacity(items), lists: Vec::with_capacity(lists) }
+    }
+
+    /// Forgets all lists and keeps their memory.
+    pub fn clear(&mut self) {
+        self.offsets.clear();
+        self.lists.clear();
+    }
+
+    /// Begins another list.
+    pub fn begin(&mut self) {
+        let first = self.offsets.len();
+        self.lists.push(Extent { first, end: first, largest: [0; N] });
+    }
+
+    /// Adds an item to the list that was begun last: the first entry of the window of every column.
+    ///
+    /// # Panics
+    ///
+    /// If no list was begun.
+    #[inline]
+    pub fn push(&mut self, starts: [usize; N]) {
+        let list = self.lists.last_mut().expect("a list that was begun");
+        for (largest, start) in list.largest.iter_mut().zip(starts) {
+            *largest = start.max(*largest);
+        }
+        list.end += 1;
+        // Offsets that wrap belong to starts beyond every field, which no run accepts.
+        self.offsets.push(starts.map(|start| start.wrapping_mul(BLOCK_BYTES)));
+    }
+
+    /// List by number, in the order in which they were begun.
+    ///
+    /// # Panics
+    ///
+    /// If there are not so many.
+    #[inline]
+    pub fn list(&self, number: usize) -> WindowsList<'_, N> {
+        let Extent { first, end, largest } = self.lists[number];
+        WindowsList { offsets: &self.offsets[first..end], largest }
+    }
+}
+
+impl<const N: usize> WindowsList<'_, N> {
+    /// Number of items.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.offsets.len()
+    }
+
+    /// Whether there is no item.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.offsets.is_empty()
+    }
+}
+
+impl<T: Float> Program<T> {
+    /// Compiles code that [runs](Fragment::run_each) once for every item of a list of [`Windows<N>`](Windows). `columns`
+    /// says, by field, which column of the items the field's window starts at; a field without one is the same for all.
+    ///
+    /// # Errors
+    ///
+    /// As for [`compile`](Program::compile).
+    ///
+    /// # Panics
+    ///
+    /// If the program returns masks, `columns` is of another length than its fields, or names a column that is not among
+    /// `N` or that of a uniform field.
+    pub fn compile_each<const N: usize>(
+        &self,
+        isa: InstructionSet,
+        columns: &[Option<usize>],
+    ) -> Result<Fragment<T>, CompileError> {
+        assert!(self.masks_out.is_empty(), "code that returns masks runs once");
+        assert_eq!(columns.len(), self.fields.len(), "number of fields");
+        let column = |(column, field): (&Option<usize>, &crate::FieldUse)| {
+            column.inspect(|i| assert!(*i < N && field.kind == FieldKind::Lanes, "column {i} of {N} for {field:?}"))
+        };
+        let of_fields = columns.iter().zip(&self.fields).map(column).map(|column| column.map(|i| i as u32));
+        self.compile_with(isa, Some(Columns { of_fields: of_fields.collect(), width: N }))
+    }
+}
+
+impl<T: Float> Fragment<T> {
+    /// Runs code that was compiled for windows, once for every item of the list, one after the other: on the recorded number
+    /// of entries of every field, from where the item says. What one run writes, the next one reads. Without items it does
+    /// nothing.
+    ///
+    /// # Panics
+    ///
+    /// If the code was not compiled for windows of `N` columns, the number of fields or masks or a field's kind differs from
+    /// what was recorded, a field that is written was lent for reading only, a window does not lie within its field, or the
+    /// length of a field without windows differs.
+    pub fn run_each<const N: usize>(
+        &self,
+        scratch: &mut Scratch,
+        fields: &mut [FieldSlice<'_, T>],
+        masks_in: &[u32],
+        windows: WindowsList<'_, N>,
+    ) {
+        if windows.is_empty() {
+            return;
+        }
+        self.check_each(fields, masks_in, &windows);
+        scratch.reserve(self);
+        for run in 0..self.runs() {
+            self.put_addresses(fields, run, scratch);
+            let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
+            // SAFETY: as in `run`, for windows: `check_each` has compared kinds and mutability of all fields, and from the
+            // largest start of any item on, every field has the recorded number of entries; the offsets are those starts.
+            // The items are as wide as the code was compiled for, and there is one.
+            unsafe { self.code.run_each(&arguments, windows.offsets.as_flattened()) };
+        }
+    }
+
+    fn check_each<const N: usize>(&self, fields: &[FieldSlice<'_, T>], masks_in: &[u32], windows: &WindowsList<'_, N>) {
+        let columns = self.columns.as_ref().expect("code for windows");
+        assert_eq!(columns.width, N, "number of columns");
+        assert_eq!(fields.len(), self.fields.len(), "number of fields");
+        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
+        for (i, (field, wanted)) in fields.iter().zip(&self.wanted).enumerate() {
+            let fits = match columns.of_fields[i] {
+                None => wanted.differs(field) == 0,
+                Some(column) => {
+                    let room = field.len().checked_sub(wanted.len());
+                    wanted.differs(field) & 3 == 0 && room.is_some_and(|room| windows.largest[column as usize] <= room)
+                }
+            };
+            if !fits {
+                self.refuse_window(i, field, windows);
+            }
+        }
+    }
+
+    #[cold]
+    fn refuse_window<const N: usize>(&self, i: usize, field: &FieldSlice<'_, T>, windows: &WindowsList<'_, N>) -> ! {
+        let bound = self.fields[i];
+        let (len, writable, largest) = (field.len(), field.tag & 1 != 0, windows.largest);
+        panic!("field {i}, length {len}, writable {writable}, has no windows as {bound:?} up to starts {largest:?}");
+    }
+}
