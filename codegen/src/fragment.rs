@@ -191,7 +191,7 @@ impl<T: Float> Program<T> {
         let start = Instant::now();
         let precision = T::PRECISION;
         let lowered = lower(self, isa);
-        let allocated = allocate(&lowered, isa);
+        let allocated = allocate(&lowered, isa, columns.is_some());
         let (masks_in, masks_out) = self.masks();
         let bindings = Bindings { fields: &self.fields, masks_in, masks_out, windows: columns.as_ref() };
         let code = Code::new(&allocated, bindings, isa, precision)?;

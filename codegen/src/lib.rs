@@ -41,7 +41,7 @@
 //! | `recorder`, `recording` | the lane that records, and binding its values to fields and masks |
 //! | `graph`, `simplify` | equal values are one node; rules that simplify while recording, listed there |
 //! | `lower` | drops dead values, maps what is left to what the instruction set has |
-//! | `schedule` | orders of operations; stores go right behind what they store |
+//! | `schedule`, `latency` | orders of operations; stores go right behind what they store |
 //! | `uses`, `allocate` | registers by farthest next use, operands read from memory in place, spilling |
 //! | `machine` | instructions on registers, still without encoding |
 //! | `layout`, `emit` | addresses and displacements; encoding by `iced-x86`, one emitter for all instruction sets |
@@ -80,6 +80,7 @@ mod float;
 mod fragment;
 mod graph;
 mod isa;
+mod latency;
 mod layout;
 mod lower;
 mod machine;

@@ -2,11 +2,12 @@
 //!
 //! A processor of today looks hundreds of instructions ahead, so that latencies matter less than the number of values
 //! alive at once. Two orders are good at that in different programs: as recorded, and every output's operands right before
-//! it. [`crate::allocate`] tries both.
+//! it. In small programs a third one, [by latency](crate::latency), is quicker. [`crate::allocate`] tries them.
 
 use rustc_hash::FxHashMap;
 
 use crate::graph::{Id, Op};
+use crate::isa::InstructionSet;
 use crate::lower::{Lowered, MaskOutput};
 use crate::recording::FieldStore;
 
@@ -17,6 +18,8 @@ pub enum Order {
     Recorded,
     /// Depth first from the outputs, in the order in which they were recorded.
     DepthFirst,
+    /// By latency, with chains interleaved.
+    Latency,
 }
 
 /// A step of a fragment.
@@ -35,10 +38,11 @@ impl Lowered {
     ///
     /// Stores follow the computation of their values at once. A slot whose input is used as well is stored after the last
     /// use of that input, so that inputs are never read after they were overwritten.
-    pub fn schedule(&self, order: Order) -> Vec<Item> {
+    pub fn schedule(&self, order: Order, isa: InstructionSet) -> Vec<Item> {
         let computed = match order {
             Order::Recorded => self.recorded(),
             Order::DepthFirst => self.depth_first(),
+            Order::Latency => self.by_latency(usize::from(isa.vector_registers()) / 2),
         };
         self.place_stores(&computed)
     }

@@ -296,7 +296,11 @@ fn check_windows<T: Float>(graph: &Graph, random: &mut Random, data: &Data<T>, s
         let mut fields = [FieldSlice::write(&mut b.0), uniforms, FieldSlice::unused(), FieldSlice::write(&mut b.1)];
         each.unwrap().run_each(scratch, &mut fields, &data.masks, windows.list(1));
         for (a, b) in a.0.iter().zip(&b.0).chain(a.1.iter().zip(&b.1)) {
-            (0..T::Block::WIDTH).for_each(|lane| assert_eq!(a.get(lane).bits(), b.get(lane).bits(), "{}", isa.name()));
+            for (a, b) in (0..T::Block::WIDTH).map(|lane| (a.get(lane), b.get(lane))) {
+                // Which NaN comes out depends on the order of operands, which the two need not share.
+                let nan = a.to_f64().is_nan() && b.to_f64().is_nan();
+                assert!(nan || a.bits() == b.bits(), "{}: {a:?} and {b:?}\n{:?}", isa.name(), graph.steps);
+            }
         }
     }
 }
