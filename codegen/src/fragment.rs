@@ -80,21 +80,25 @@ struct Wanted {
     tag: usize,
     /// Bits of the tag that matter: mutability where it is written, kind where it is not empty.
     mask: usize,
-    /// Distance from its start to the address that the code is given, bytes.
-    bias: usize,
-    /// Bytes from there to the address for the next part of the block.
-    part: usize,
+    /// The column of its windows, if it has any, else of no items.
+    column: usize,
+    /// Distance from its start to the address that the code is given for each part of the block, bytes.
+    offsets: [usize; MOST_RUNS],
 }
 
+/// Runs for a block, at most.
+const MOST_RUNS: usize = 2;
+
 impl Wanted {
-    fn new(bound: &FieldUse, isa: InstructionSet, precision: Precision) -> Self {
+    fn new(bound: &FieldUse, column: Option<u32>, isa: InstructionSet, precision: Precision) -> Self {
         let indifferent =
             usize::from(!bound.written) | if bound.len == 0 { tag(0, FieldKind::Uniform, false) } else { 0 };
+        let part = if bound.kind == FieldKind::Lanes { isa.vector_bytes() } else { 0 };
         Wanted {
             tag: tag(bound.len, bound.kind, bound.written),
             mask: !indifferent,
-            bias: bias(isa, field_step(bound.kind, precision)),
-            part: if bound.kind == FieldKind::Lanes { isa.vector_bytes() } else { 0 },
+            column: column.map_or(usize::MAX, |column| column as usize),
+            offsets: std::array::from_fn(|run| bias(isa, field_step(bound.kind, precision)) + run * part),
         }
     }
 
@@ -110,10 +114,10 @@ impl Wanted {
         (field.tag ^ self.tag) & self.mask
     }
 
-    /// The address of the field for a run on part of a block.
+    /// The address of the field for a run on part of a block, by number.
     #[inline(always)]
     fn address<T>(&self, field: &FieldSlice<'_, T>, run: usize) -> *mut u8 {
-        field.start.wrapping_add(self.bias + run * self.part)
+        field.start.wrapping_add(self.offsets[run])
     }
 }
 
@@ -218,9 +222,12 @@ impl<T: Float> Program<T> {
             bytes: code.len(),
             compile_time: start.elapsed(),
         };
+        let column = |field| columns.as_ref().and_then(|columns| columns.of_fields[field]);
+        let bound = self.fields.iter().enumerate();
+        let wanted = bound.map(|(field, bound)| Wanted::new(bound, column(field), isa, precision)).collect();
         Ok(Fragment {
             constants: constants.collect(),
-            wanted: self.fields.iter().map(|bound| Wanted::new(bound, isa, precision)).collect(),
+            wanted,
             fields: self.fields.clone(),
             masks_in,
             masks_out: lowered.masks_out,
@@ -254,7 +261,7 @@ impl<T: Float> Fragment<T> {
         scratch.reserve(self);
         let isa = self.statistics.isa;
         for run in 0..self.runs() {
-            if self.put_addresses(fields, run, scratch) != 0 {
+            if !self.put_addresses(fields, run, scratch, |wanted, field| wanted.differs(field) == 0) {
                 self.refuse(fields);
             }
             let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
@@ -271,16 +278,20 @@ impl<T: Float> Fragment<T> {
         BLOCK_BYTES / self.statistics.isa.vector_bytes()
     }
 
-    /// Writes down where the fields are, for a run on part of a block; returns in which bits any differs from what was
-    /// recorded.
+    /// Writes down where the fields are, for a run on part of a block; returns whether each `fits`.
     #[inline(always)]
-    fn put_addresses(&self, fields: &[FieldSlice<'_, T>], run: usize, scratch: &mut Scratch) -> usize {
-        let mut differences = 0;
-        for ((address, field), wanted) in scratch.fields.iter_mut().zip(fields).zip(&self.wanted) {
+    fn put_addresses(
+        &self,
+        fields: &[FieldSlice<'_, T>],
+        run: usize,
+        scratch: &mut Scratch,
+        fits: impl Fn(&Wanted, &FieldSlice<'_, T>) -> bool,
+    ) -> bool {
+        let mut places = scratch.fields.iter_mut().zip(fields).zip(&self.wanted);
+        places.all(|((address, field), wanted)| {
             *address = wanted.address(field, run);
-            differences |= wanted.differs(field);
-        }
-        differences
+            fits(wanted, field)
+        })
     }
 
     /// What the code is given beside the fields, for a run on part of a block.

@@ -1,6 +1,6 @@
 //! Code that runs once for every item of a list, on windows into larger fields.
 
-use super::{FieldSlice, Fragment, Scratch};
+use super::{FieldSlice, Fragment, Scratch, Wanted};
 use crate::error::CompileError;
 use crate::float::{BLOCK_BYTES, Float};
 use crate::isa::InstructionSet;
@@ -86,6 +86,18 @@ impl<const N: usize> WindowsList<'_, N> {
         self.offsets.len()
     }
 
+    /// Whether the field is what code wants, or has such windows up to the largest start.
+    #[inline(always)]
+    fn fit<T: Float>(&self, wanted: &Wanted, field: &FieldSlice<'_, T>) -> bool {
+        match self.largest.get(wanted.column) {
+            None => wanted.differs(field) == 0,
+            Some(largest) => {
+                let room = field.len().checked_sub(wanted.len());
+                wanted.differs(field) & 3 == 0 && room.is_some_and(|room| *largest <= room)
+            }
+        }
+    }
+
     /// Whether there is no item.
     #[inline]
     pub fn is_empty(&self) -> bool {
@@ -140,41 +152,31 @@ impl<T: Float> Fragment<T> {
         if windows.is_empty() {
             return;
         }
-        self.check_each(fields, masks_in, &windows);
+        assert_eq!(self.columns.as_ref().map(|columns| columns.width), Some(N), "number of columns");
+        assert_eq!(fields.len(), self.fields.len(), "number of fields");
+        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
         scratch.reserve(self);
         for run in 0..self.runs() {
-            self.put_addresses(fields, run, scratch);
+            if !self.put_addresses(fields, run, scratch, |wanted, field| windows.fit(wanted, field)) {
+                self.refuse_windows(fields, &windows);
+            }
             let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
-            // SAFETY: as in `run`, for windows: `check_each` has compared kinds and mutability of all fields, and from the
-            // largest start of any item on, every field has the recorded number of entries; the offsets are those starts.
+            // SAFETY: as in `run`, for windows: kinds and mutability of all fields have been compared, and from the largest
+            // start of any item on, every field with windows has the recorded number of entries; the offsets are those starts.
             // The items are as wide as the code was compiled for, and there is one.
             unsafe { self.code.run_each(&arguments, windows.offsets.as_flattened()) };
         }
     }
 
-    fn check_each<const N: usize>(&self, fields: &[FieldSlice<'_, T>], masks_in: &[u32], windows: &WindowsList<'_, N>) {
-        let columns = self.columns.as_ref().expect("code for windows");
-        assert_eq!(columns.width, N, "number of columns");
-        assert_eq!(fields.len(), self.fields.len(), "number of fields");
-        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
-        for (i, (field, wanted)) in fields.iter().zip(&self.wanted).enumerate() {
-            let fits = match columns.of_fields[i] {
-                None => wanted.differs(field) == 0,
-                Some(column) => {
-                    let room = field.len().checked_sub(wanted.len());
-                    wanted.differs(field) & 3 == 0 && room.is_some_and(|room| windows.largest[column as usize] <= room)
-                }
-            };
-            if !fits {
-                self.refuse_window(i, field, windows);
-            }
-        }
-    }
-
     #[cold]
-    fn refuse_window<const N: usize>(&self, i: usize, field: &FieldSlice<'_, T>, windows: &WindowsList<'_, N>) -> ! {
-        let bound = self.fields[i];
-        let (len, writable, largest) = (field.len(), field.tag & 1 != 0, windows.largest);
-        panic!("field {i}, length {len}, writable {writable}, has no windows as {bound:?} up to starts {largest:?}");
+    fn refuse_windows<const N: usize>(&self, fields: &[FieldSlice<'_, T>], windows: &WindowsList<'_, N>) -> ! {
+        for (i, ((field, bound), wanted)) in fields.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
+            let (len, writable, largest) = (field.len(), field.tag & 1 != 0, windows.largest);
+            assert!(
+                windows.fit(wanted, field),
+                "field {i}, length {len}, writable {writable}, has no windows as {bound:?} up to starts {largest:?}"
+            );
+        }
+        unreachable!("some field does not fit");
     }
 }
