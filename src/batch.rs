@@ -27,6 +27,9 @@ use crate::status::First;
 use crate::store::Store;
 use crate::worlds::{Field, Tables};
 
+/// Worlds for which controls are drawn together.
+const DRAWS: usize = 8;
+
 /// What [`Worlds`](crate::Worlds) needs of a batch, whatever its lane type.
 pub(crate) trait Engine: Send {
     fn nworld(&self) -> usize;
@@ -316,13 +319,28 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                 }
             }
             Controls::Noise { seed } => {
-                for (a, u) in state.ctrl.iter_mut().enumerate() {
-                    let [low, high] = self.model.control_range(a);
-                    for (lane, world) in worlds.clone() {
-                        let x = noise::uniform(seed, world as u64, *step as u64, a as u64);
-                        u.set(lane, <L::Real as Real>::from_f64(low + (high - low) * x));
-                    }
+                let world = |id: &usize| (first_world + id) as u64;
+                for (part, ids) in ids.chunks(DRAWS).enumerate() {
+                    self.draw(seed, *step as u64, ids.iter().map(world), part * DRAWS, &mut state.ctrl);
                 }
+            }
+        }
+    }
+
+    /// Draws the controls of up to [`DRAWS`] worlds, whose first lane is `first`. All loops are as long as there could be
+    /// worlds, so that hashes of several run side by side.
+    #[inline]
+    fn draw(&self, seed: u64, step: u64, worlds: impl ExactSizeIterator<Item = u64>, first: usize, ctrl: &mut [L]) {
+        let mut draws = [noise::Draws::new(seed, 0, step); DRAWS];
+        let count = worlds.len();
+        for (draws, world) in draws.iter_mut().zip(worlds) {
+            *draws = noise::Draws::new(seed, world, step);
+        }
+        for (a, u) in ctrl.iter_mut().enumerate() {
+            let [low, high] = self.model.control_range(a);
+            let drawn = draws.map(|draws| low + (high - low) * draws.uniform(a as u64));
+            for (lane, x) in drawn.iter().enumerate().take(count) {
+                u.set(first + lane, L::Real::from_f64(*x));
             }
         }
     }

@@ -220,6 +220,8 @@ fn bench_prints_its_error_beside_its_speed() {
         "lanes",
         "seconds",
         "steps_per_second",
+        "clock_hertz",
+        "cycles",
         "lost",
         "ncon_mean",
         "nefc_mean",
@@ -233,6 +235,7 @@ fn bench_prints_its_error_beside_its_speed() {
         "step_error_median",
         "step_error_max",
         "stage_seconds",
+        "stage_cycles",
     ] {
         assert!(!record[name].is_null(), "{name}");
     }

@@ -14,7 +14,9 @@ use super::{ModelArgs, RunArgs, count};
 
 const ABOUT: &str = "\
 Worlds start from 32 states that were warmed up under uniform control noise for 2 s (at least 500 steps), copied over all
-worlds with a little noise on the velocity; controls are redrawn at every step. The step error is the relative difference
+worlds with a little noise on the velocity; controls are redrawn at every step. The speed is that of a run without
+statistics, residuals and clocks; those come from an equal run before it, which must end in the same state hash. Cycles are
+the clock's: a chain of dependent multiplications tells how fast a core ticks around the runs. The step error is the relative difference
 of the next velocity from the scalar f64 path solved to 1e-12, over 256 states of the run.
 
 Examples:
@@ -69,7 +71,12 @@ impl Bench {
     fn record(&self, model: &Model, m: &Measurement, load_seconds: f64) -> Map<String, Value> {
         let s = &m.statistics;
         let per = |sum: f64, count: f64| if count > 0.0 { sum / count } else { 0.0 };
-        let stages: Map<String, Value> = m.stage_seconds.iter().map(|(name, t)| ((*name).into(), json!(t))).collect();
+        let steps = self.worlds as f64 * self.steps as f64;
+        // Of a core, per world and step.
+        let cycles = |seconds: f64| seconds * m.hertz / steps;
+        let stages = |f: &dyn Fn(f64) -> f64| -> Map<String, Value> {
+            m.stage_seconds.iter().map(|(name, seconds)| ((*name).into(), json!(f(*seconds)))).collect()
+        };
         let record = json!({
             "model": model.name(),
             "nworld": self.worlds,
@@ -83,7 +90,9 @@ impl Bench {
             "seed": self.seed,
             "load_seconds": load_seconds,
             "seconds": m.seconds,
-            "steps_per_second": self.worlds as f64 * self.steps as f64 / m.seconds,
+            "steps_per_second": steps / m.seconds,
+            "clock_hertz": m.hertz,
+            "cycles": cycles(m.seconds * m.threads as f64),
             "lost": m.lost,
             "ncon_mean": per(s.contacts, s.world_steps),
             "nefc_mean": per(s.rows, s.world_steps),
@@ -97,7 +106,8 @@ impl Bench {
             "step_error_median": m.errors.get(m.errors.len() / 2),
             "step_error_max": m.errors.last(),
             "step_error_states": m.errors.len(),
-            "stage_seconds": stages,
+            "stage_seconds": stages(&|seconds| seconds),
+            "stage_cycles": stages(&cycles),
             "stage_operations": m.stage_operations.iter().copied().collect::<BTreeMap<_, _>>(),
         });
         match record {
@@ -130,6 +140,10 @@ fn print(record: &Map<String, Value>) -> Result<(), Failure> {
             ),
         ),
         ("speed", format!("{}steps/s in {:.3} s", output::human(number("steps_per_second")), number("seconds"))),
+        (
+            "cycles",
+            format!("{:.0} of a core per world and step, at {:.2} GHz", number("cycles"), 1e-9 * number("clock_hertz")),
+        ),
         ("lost worlds", text("lost")),
         ("state hash", text("state_hash")),
         (
@@ -157,17 +171,27 @@ fn print(record: &Map<String, Value>) -> Result<(), Failure> {
             format!("{:.1e} mean, {:.1e} largest", number("solver_residual_mean"), number("solver_residual_max")),
         ),
     ];
-    let stages = record.get("stage_seconds").and_then(Value::as_object);
-    let total: f64 = stages.into_iter().flatten().filter_map(|(_, t)| t.as_f64()).sum();
-    let steps = number("nworld") * number("nstep");
-    for (name, seconds) in stages.into_iter().flatten().filter(|(_, t)| t.as_f64() != Some(0.0)) {
-        let seconds = seconds.as_f64().unwrap_or(0.0);
-        let mut text = format!("{:5.1} % {:8.1} ns per world and step", 100.0 * seconds / total, 1e9 * seconds / steps);
-        if let Some(operations) = record.get("stage_operations").and_then(|all| all.get(name)).and_then(Value::as_f64) {
-            let rate = operations * steps / number("lanes") / (1e9 * seconds);
-            text += &format!("  {rate:.1} vector operations per ns");
-        }
-        rows.push((name, text));
-    }
+    rows.extend(stage_rows(record));
     output::table(&rows)
+}
+
+/// What the stages took in the run with clocks.
+fn stage_rows(record: &Map<String, Value>) -> Vec<(&str, String)> {
+    let number = |name: &str| record.get(name).and_then(Value::as_f64).unwrap_or(f64::NAN);
+    let of_stage = |list: &str, stage: &str| record.get(list).and_then(|all| all.get(stage)).and_then(Value::as_f64);
+    let stages = record.get("stage_seconds").and_then(Value::as_object).into_iter().flatten();
+    let times = stages.filter_map(|(name, seconds)| Some((name.as_str(), seconds.as_f64().filter(|s| *s > 0.0)?)));
+    let total: f64 = times.clone().map(|(_, seconds)| seconds).sum();
+    let steps = number("nworld") * number("nstep");
+    let row = |(name, seconds): (_, f64)| {
+        let cycles = of_stage("stage_cycles", name).unwrap_or(f64::NAN);
+        let (percent, ns) = (100.0 * seconds / total, 1e9 * seconds / steps);
+        let mut text = format!("{percent:5.1} % {ns:8.1} ns {cycles:8.0} cycles per world and step");
+        if let Some(operations) = of_stage("stage_operations", name) {
+            let blocks = operations / number("lanes");
+            text += &format!("  {:.1} vector operations per ns, {:.2} per cycle", blocks / ns, blocks / cycles);
+        }
+        (name, text)
+    };
+    times.map(row).collect()
 }

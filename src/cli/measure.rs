@@ -2,7 +2,7 @@
 //!
 //! Worlds start from typical states: a few are warmed up under uniform control noise, then copied over all worlds with a
 //! little noise on the velocity. The run is made twice from the same start, first with statistics and clocks, then bare
-//! and timed; both must end in the same bits. Then single steps from states of the run are compared with the scalar f64
+//! and timed; both must end in the same bits. Cycles are of a clock that is measured around both. Then single steps from states of the run are compared with the scalar f64
 //! path, solved to 1e-12: no speed without its error.
 
 use std::sync::atomic::AtomicU64;
@@ -14,8 +14,8 @@ use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Runn
 use lanesim_kernels::pipeline::Stage;
 use lanesim_kernels::state::Status;
 
-use super::engine;
 use super::failure::Failure;
+use super::{clock, engine};
 
 /// Worlds that are warmed up.
 const BASES: usize = 32;
@@ -50,6 +50,8 @@ pub struct Plan<'a> {
 pub struct Measurement {
     /// Wall time of the bare run.
     pub seconds: f64,
+    /// Cycles per second of a core before, between and after the runs, on average.
+    pub hertz: f64,
     /// Worlds frozen at its end.
     pub lost: usize,
     /// Hash of its final state.
@@ -125,12 +127,15 @@ impl Plan<'_> {
         };
         self.start(&mut worlds, &bases)?;
         let mut samples = sample(&worlds, SAMPLES / 2)?;
+        let mut hertz = clock::hertz();
         let observed = worlds.rollout(&Rollout { statistics: true, clock: true, ..run })?;
         let observed_hash = worlds.state_hash();
         self.start(&mut worlds, &bases)?;
+        hertz += clock::hertz();
         let start = Instant::now();
         worlds.rollout(&run)?;
         let seconds = start.elapsed().as_secs_f64();
+        hertz += clock::hertz();
         let hash = worlds.state_hash();
         if hash != observed_hash {
             return Err(Failure::Input(format!(
@@ -142,6 +147,7 @@ impl Plan<'_> {
         let stages = Stage::ALL.iter().zip(observed.clock.spent);
         Ok(Measurement {
             seconds,
+            hertz: hertz / 3.0,
             lost: worlds.lost(),
             hash,
             statistics: observed.statistics,

@@ -6,6 +6,7 @@
 mod arrays;
 mod bench;
 mod check;
+mod clock;
 mod engine;
 mod eval;
 mod failure;
