@@ -43,7 +43,7 @@ const MOST_BY_LATENCY: usize = 4096;
 /// code does without, because its next round begins before the last one ends.
 pub(crate) fn allocate(lowered: &Lowered, isa: InstructionSet, looped: bool) -> Allocated {
     let with = |order| {
-        let items = lowered.schedule(order, isa);
+        let items = lowered.schedule(order, isa, looped);
         Allocator::new(lowered, &items, isa, order).run(&items)
     };
     let [a, b] = [Order::Recorded, Order::DepthFirst].map(with);

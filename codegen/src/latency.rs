@@ -1,6 +1,7 @@
-//! Order of a small fragment's operations by their latencies.
+//! Orders of operations by their latencies.
 //!
-//! What the end waits for longest comes first, so that chains are interleaved, and no more is begun than registers hold.
+//! What the end waits for longest comes first, so that chains are interleaved, and no more is begun than registers hold. In
+//! large fragments an operation overtakes but so many others of an order that is good for registers.
 
 use std::cmp::Reverse;
 
@@ -21,20 +22,28 @@ fn latency(op: Op) -> u32 {
     }
 }
 
+/// How far an order by latency goes.
+#[derive(Clone, Copy)]
+pub(crate) struct Limits {
+    /// Operations that are looked at, from the first one that has not begun.
+    pub ahead: usize,
+    /// Values alive at once, about.
+    pub alive: usize,
+}
+
 impl Lowered {
-    /// Operations by latency, with about so many values alive at once. Half of the registers is a good number: inputs and
-    /// constants want some, and what is alive at once sinks slowly where nothing is freed.
-    pub fn by_latency(&self, most: usize) -> Vec<Id> {
-        let mut plan = Plan::new(self);
-        let mut order = vec![];
+    /// The operations, which are given in an order that would do, by latency.
+    pub fn by_latency(&self, base: &[Id], limits: Limits) -> Vec<Id> {
+        let mut plan = Plan::new(self, base, limits);
+        let mut order = Vec::with_capacity(base.len());
         let (mut cycle, mut begun) = (0, 0);
-        while let Some(place) = plan.choose(cycle, most) {
-            let Ready { id, when } = plan.ready.swap_remove(place);
+        while let Some(place) = plan.choose(cycle) {
+            let Ready { rank, when } = plan.ready.swap_remove(place);
             if when > cycle {
                 (cycle, begun) = (when, 0);
             }
-            order.push(id);
-            plan.begin(id, cycle);
+            order.push(base[rank]);
+            plan.begin(rank, cycle);
             begun += 1;
             if begun == WIDTH {
                 (cycle, begun) = (cycle + 1, 0);
@@ -46,12 +55,23 @@ impl Lowered {
 
 /// An operation whose operands are known, from a cycle on.
 struct Ready {
-    id: Id,
+    /// Its place in the given order.
+    rank: usize,
     when: u32,
 }
 
 /// Operations begun and to begin; the lists are by value.
-struct Plan {
+struct Plan<'a> {
+    base: &'a [Id],
+    limits: Limits,
+    /// Places in the given order.
+    ranks: Vec<usize>,
+    /// By rank: whether it has begun.
+    begun: Vec<bool>,
+    /// Rank of the first that has not.
+    oldest: usize,
+    /// By rank: from when on those beyond the limit could begin.
+    later: Vec<Option<u32>>,
     latency: Vec<u32>,
     /// Different operands that are computed.
     operands: Vec<Vec<Id>>,
@@ -69,8 +89,8 @@ struct Plan {
     live: usize,
 }
 
-impl Plan {
-    fn new(lowered: &Lowered) -> Self {
+impl<'a> Plan<'a> {
+    fn new(lowered: &Lowered, base: &'a [Id], limits: Limits) -> Self {
         let nodes = &lowered.nodes;
         let computed = |id: &Id| !nodes[*id as usize].op.is_leaf();
         let mut users = vec![vec![]; nodes.len()];
@@ -87,10 +107,17 @@ impl Plan {
         for i in (0..nodes.len()).rev() {
             heights[i] += users[i].iter().map(|user| heights[*user as usize]).max().unwrap_or(0);
         }
-        let ids = (0..nodes.len() as Id).filter(computed);
-        let free = ids.filter(|id| operands[*id as usize].is_empty()).map(|id| Ready { id, when: 0 });
-        Plan {
-            ready: free.collect(),
+        let mut ranks = vec![usize::MAX; nodes.len()];
+        base.iter().enumerate().for_each(|(rank, id)| ranks[*id as usize] = rank);
+        let free = |id: &Id| operands[*id as usize].is_empty().then_some(0);
+        let mut plan = Plan {
+            base,
+            limits,
+            ranks,
+            begun: vec![false; base.len()],
+            oldest: 0,
+            later: base.iter().map(free).collect(),
+            ready: vec![],
             missing: operands.iter().map(Vec::len).collect(),
             uses: users.iter().map(Vec::len).collect(),
             done: vec![0; nodes.len()],
@@ -99,17 +126,32 @@ impl Plan {
             operands,
             users,
             heights,
+        };
+        plan.look_at(0);
+        plan
+    }
+
+    /// Rank of the first operation that is too far ahead.
+    fn reach(&self) -> usize {
+        self.oldest.saturating_add(self.limits.ahead).min(self.base.len())
+    }
+
+    /// Adds what has come into reach, from the given rank on.
+    fn look_at(&mut self, first: usize) {
+        for rank in first..self.reach() {
+            self.ready.extend(self.later[rank].take().map(|when| Ready { rank, when }));
         }
     }
 
     /// The next to begin, as a place in the list: the highest of those that need not wait; when enough is alive, one that
     /// frees registers.
-    fn choose(&self, cycle: u32, most: usize) -> Option<usize> {
-        let full = self.live >= most;
+    fn choose(&self, cycle: u32) -> Option<usize> {
+        let full = self.live >= self.limits.alive;
         let key = |place: &usize| {
-            let Ready { id, when } = self.ready[*place];
+            let Ready { rank, when } = self.ready[*place];
+            let id = self.base[rank];
             let freed = if full { self.freed(id) } else { 0 };
-            (freed, Reverse(when.max(cycle)), self.heights[id as usize], Reverse(id))
+            (freed, Reverse(when.max(cycle)), self.heights[id as usize], Reverse(rank))
         };
         (0..self.ready.len()).max_by_key(key)
     }
@@ -119,7 +161,8 @@ impl Plan {
         self.operands[id as usize].iter().filter(|x| self.uses[**x as usize] == 1).count()
     }
 
-    fn begin(&mut self, id: Id, cycle: u32) {
+    fn begin(&mut self, rank: usize, cycle: u32) {
+        let id = self.base[rank];
         let i = id as usize;
         self.live = self.live + usize::from(self.uses[i] > 0) - self.freed(id);
         for x in &self.operands[i] {
@@ -127,12 +170,25 @@ impl Plan {
         }
         self.done[i] = cycle + self.latency[i];
         for user in std::mem::take(&mut self.users[i]) {
-            let u = user as usize;
-            self.missing[u] -= 1;
-            if self.missing[u] == 0 {
-                let when = self.operands[u].iter().map(|x| self.done[*x as usize]).max().unwrap_or(0);
-                self.ready.push(Ready { id: user, when });
+            self.missing[user as usize] -= 1;
+            if self.missing[user as usize] == 0 {
+                self.offer(user);
             }
+        }
+        let reach = self.reach();
+        self.begun[rank] = true;
+        self.oldest += self.begun[self.oldest..].iter().take_while(|begun| **begun).count();
+        self.look_at(reach);
+    }
+
+    /// Notes that all operands of the operation have begun.
+    fn offer(&mut self, id: Id) {
+        let when = self.operands[id as usize].iter().map(|x| self.done[*x as usize]).max().unwrap_or(0);
+        let rank = self.ranks[id as usize];
+        if rank < self.reach() {
+            self.ready.push(Ready { rank, when });
+        } else {
+            self.later[rank] = Some(when);
         }
     }
 }

@@ -1,22 +1,25 @@
 //! Orders of a fragment's operations, and where its stores go.
 //!
-//! A processor of today looks hundreds of instructions ahead, so that latencies matter less than the number of values
-//! alive at once. Two orders are good at that in different programs: as recorded, and every output's operands right before
-//! it. In small programs a third one, [by latency](crate::latency), is quicker. [`crate::allocate`] tries them.
+//! What matters most is the number of values alive at once. Two orders are good at that in different programs: as recorded,
+//! and every output's operands right before it. A processor of today looks hundreds of instructions ahead, but it holds
+//! fewer that wait for operands: where chains are long, it sees no other. So both orders let operations that the end waits
+//! for [overtake](crate::latency) some others. In small programs a third one, by latency alone, is quicker.
+//! [`crate::allocate`] tries them.
 
 use rustc_hash::FxHashMap;
 
 use crate::graph::{Id, Op};
 use crate::isa::InstructionSet;
+use crate::latency::Limits;
 use crate::lower::{Lowered, MaskOutput};
 use crate::recording::FieldStore;
 
 /// An order of operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// As recorded.
+    /// As recorded, a few operations overtaking others.
     Recorded,
-    /// Depth first from the outputs, in the order in which they were recorded.
+    /// Depth first from the outputs, in the order in which they were recorded, a few operations overtaking others.
     DepthFirst,
     /// By latency, with chains interleaved.
     Latency,
@@ -37,14 +40,19 @@ impl Lowered {
     /// The steps in the given order.
     ///
     /// Stores follow the computation of their values at once. A slot whose input is used as well is stored after the last
-    /// use of that input, so that inputs are never read after they were overwritten.
-    pub fn schedule(&self, order: Order, isa: InstructionSet) -> Vec<Item> {
-        let computed = match order {
-            Order::Recorded => self.recorded(),
-            Order::DepthFirst => self.depth_first(),
-            Order::Latency => self.by_latency(usize::from(isa.vector_registers()) / 2),
+    /// use of that input, so that inputs are never read after they were overwritten. In `looped` code nothing need overtake: a
+    /// processor sees the next round.
+    pub fn schedule(&self, order: Order, isa: InstructionSet, looped: bool) -> Vec<Item> {
+        let registers = usize::from(isa.vector_registers());
+        // By latency alone, half of the registers is a good number: inputs and constants want some, and what is alive at once
+        // sinks slowly where nothing is freed.
+        let (ahead, alive) = (if looped { 1 } else { registers * 3 / 4 }, registers * 3 / 4);
+        let (base, limits) = match order {
+            Order::Recorded => (self.recorded(), Limits { ahead, alive }),
+            Order::DepthFirst => (self.depth_first(), Limits { ahead, alive }),
+            Order::Latency => (self.recorded(), Limits { ahead: usize::MAX, alive: registers / 2 }),
         };
-        self.place_stores(&computed)
+        self.place_stores(&self.by_latency(&base, limits))
     }
 
     /// Stores whose value is an input that is overwritten get a copy of it as value: else a permutation of inputs would
