@@ -341,7 +341,7 @@ impl<'a> Allocator<'a> {
                 let to = self.result(id);
                 self.emit(Instruction::MaskNot { to, from });
             }
-            Op::MaskAnd | Op::MaskOr => {
+            Op::MaskAnd | Op::MaskOr | Op::MaskDiffer | Op::MaskSame => {
                 let (left, right) = (self.in_register(a), self.in_register(b));
                 let to = self.result(id);
                 self.emit(Instruction::MaskBinary { op, to, left, right });

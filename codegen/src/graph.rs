@@ -76,6 +76,10 @@ pub enum Op {
     MaskAnd,
     /// Mask a or mask b.
     MaskOr,
+    /// Mask a or mask b, not both.
+    MaskDiffer,
+    /// Both masks, a and b, or neither.
+    MaskSame,
     /// Not mask a.
     MaskNot,
     /// b where mask a holds, else c.
@@ -90,7 +94,8 @@ impl Op {
             Input | Uniform | Constant | MaskInput | MaskConstant => 0,
             ShiftLeft | ShiftRight | Copy | Neg | Abs | Sqrt | Round | MaskNot => 1,
             Add | Sub | Mul | Div | Min | Max | BitAnd | BitOr | BitXor | IntegerSub => 2,
-            Less | LessEqual | Equal | NotLess | NotLessEqual | NotEqual | MaskAnd | MaskOr => 2,
+            Less | LessEqual | Equal | NotLess | NotLessEqual | NotEqual => 2,
+            MaskAnd | MaskOr | MaskDiffer | MaskSame => 2,
             MulAdd | NegMulAdd | MulSub | NegMulSub | Select => 3,
         }
     }
@@ -103,7 +108,8 @@ impl Op {
     /// Whether the value is a mask.
     pub(crate) fn is_mask(self) -> bool {
         use Op::*;
-        matches!(self, MaskInput | MaskConstant | MaskAnd | MaskOr | MaskNot) || self.negated_comparison().is_some()
+        let combined = matches!(self, MaskAnd | MaskOr | MaskDiffer | MaskSame | MaskNot);
+        combined || matches!(self, MaskInput | MaskConstant) || self.negated_comparison().is_some()
     }
 
     /// The comparison that holds where this one does not.

@@ -17,7 +17,7 @@ fn latency(op: Op) -> u32 {
         Op::Div => 14,
         Op::Sqrt => 20,
         Op::BitAnd | Op::BitOr | Op::BitXor | Op::IntegerSub | Op::ShiftLeft | Op::ShiftRight => 1,
-        Op::Select | Op::MaskAnd | Op::MaskOr | Op::MaskNot | Op::Copy => 1,
+        Op::Select | Op::MaskAnd | Op::MaskOr | Op::MaskDiffer | Op::MaskSame | Op::MaskNot | Op::Copy => 1,
         _ => 4,
     }
 }

@@ -71,6 +71,12 @@ impl Lowering {
         })
     }
 
+    /// The other bits.
+    fn inverted(&mut self, id: Id) -> Id {
+        let ones = self.constant(self.precision.ones());
+        self.put(Op::BitXor, [id, ones, 0])
+    }
+
     fn node(&mut self, graph: &[Node], map: &[Id], node: Node) -> Id {
         if let (Op::Neg | Op::MaskNot, inner) = (node.op, node.args[0] as usize) {
             // Merged values were given no node. A comparison with other uses is made twice, as cheap as inverting it.
@@ -103,10 +109,12 @@ impl Lowering {
             op if self.isa.has_mask_registers() => self.put(op, args),
             Op::MaskAnd => self.put(Op::BitAnd, args),
             Op::MaskOr => self.put(Op::BitOr, args),
-            Op::MaskNot => {
-                let ones = self.constant(self.precision.ones());
-                self.put(Op::BitXor, [args[0], ones, 0])
+            Op::MaskDiffer => self.put(Op::BitXor, args),
+            Op::MaskSame => {
+                let differ = self.put(Op::BitXor, args);
+                self.inverted(differ)
             }
+            Op::MaskNot => self.inverted(args[0]),
             op => self.put(op, args),
         }
     }
@@ -133,6 +141,7 @@ fn negated(graph: &[Node], node: Node) -> Option<Node> {
     }
     match node.op {
         Op::Sub => Some(Node { args: [b, a, 0], ..node }),
+        Op::MaskDiffer => Some(Node { op: Op::MaskSame, ..node }),
         Op::Mul if [a, b].iter().any(|x| graph[*x as usize].op == Op::Constant) => {
             Some(Node { args: [a, b, NEGATED_CONSTANT], ..node })
         }

@@ -20,6 +20,7 @@
 //! | min(x, x), max(x, x), select(m, x, x) become x; x < x is false | |
 //! | select of a constant mask, of a negated mask, and of a select with the same mask | |
 //! | and, or, not with constants or with themselves | |
+//! | (m and n) or (not m and not n) becomes one operation, with negations of m or n too | |
 //! | a negation that is left is merged into the sum, product or fused operation that it alone uses (`lower`) | sign of zero |
 //! | x y = y x and x + y = y + x share a node (min and max do not commute: NaN and zeros) | |
 
@@ -243,7 +244,30 @@ impl Graph {
             (_, Some(y)) => return if y == neutral { a } else { b },
             _ => {}
         }
+        if let Some(same) = Some(op).filter(|op| *op == Op::MaskOr).and_then(|_| self.equivalence(a, b)) {
+            return same;
+        }
         if a == b { a } else { self.put(op, sorted(a, b)) }
+    }
+
+    /// `a` or `b`, if one is the conjunction of two masks, and the other that of their opposites.
+    fn equivalence(&mut self, a: Id, b: Id) -> Option<Id> {
+        let parts = |id: Id| Some(self.node(id)).filter(|n| n.op == Op::MaskAnd).map(|n| n.args);
+        let ([m, n, _], [x, y, _]) = (parts(a)?, parts(b)?);
+        let opposite =
+            |a: Id, b: Id| [(a, b), (b, a)].iter().any(|(a, b)| self.argument_of(*a, Op::MaskNot) == Some(*b));
+        if !(opposite(m, x) && opposite(n, y) || opposite(m, y) && opposite(n, x)) {
+            return None;
+        }
+        let (m, not_m) = self.without_not(m);
+        let (n, not_n) = self.without_not(n);
+        let differ = self.put(Op::MaskDiffer, sorted(m, n));
+        Some(if not_m == not_n { self.not(differ) } else { differ })
+    }
+
+    /// The mask without its negation, and whether there was one.
+    fn without_not(&self, mask: Id) -> (Id, bool) {
+        self.argument_of(mask, Op::MaskNot).map_or((mask, false), |inner| (inner, true))
     }
 
     pub fn select(&mut self, mask: Id, a: Id, b: Id) -> Id {

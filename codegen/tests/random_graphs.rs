@@ -20,6 +20,8 @@ enum Step {
     Select(usize, usize, usize),
     Compare(u8, usize, usize),
     Combine(bool, usize, usize),
+    /// Whether one mask holds and not the other, or both or none.
+    Differ(bool, usize, usize),
     Not(usize),
     Truth(bool),
 }
@@ -66,12 +68,13 @@ fn graph(random: &mut Random, kind: Kind) -> Graph {
             11 => [Step::Exp2(a), Step::Split(a)][random.below(2)],
             12 => Step::Select(m, a, b),
             13 => Step::Compare(random.below(3) as u8, a, b),
+            14 if random.chance(0.3) => Step::Differ(random.chance(0.5), m, n),
             14 => Step::Combine(random.chance(0.5), m, n),
             _ if kind == Kind::Constants && random.chance(0.2) => Step::Truth(random.chance(0.5)),
             _ => Step::Not(m),
         };
         match step {
-            Step::Compare(..) | Step::Combine(..) | Step::Not(_) | Step::Truth(_) => all_masks += 1,
+            Step::Compare(..) | Step::Combine(..) | Step::Differ(..) | Step::Not(_) | Step::Truth(_) => all_masks += 1,
             Step::Split(_) => values += 2,
             _ => values += 1,
         }
@@ -120,13 +123,15 @@ fn evaluate<L: Lane>(
                 exponent
             }
             Step::Select(mask, a, b) => L::select(m[mask], v[a], v[b]),
-            Step::Compare(..) | Step::Combine(..) | Step::Not(_) | Step::Truth(_) => {
+            Step::Compare(..) | Step::Combine(..) | Step::Differ(..) | Step::Not(_) | Step::Truth(_) => {
                 m.push(match *step {
                     Step::Compare(0, a, b) => v[a].lt(v[b]),
                     Step::Compare(1, a, b) => v[a].le(v[b]),
                     Step::Compare(_, a, b) => v[a].eq(v[b]),
                     Step::Combine(true, a, b) => m[a] & m[b],
                     Step::Combine(false, a, b) => m[a] | m[b],
+                    Step::Differ(true, a, b) => (m[a] & !m[b]) | (m[b] & !m[a]),
+                    Step::Differ(false, a, b) => (m[a] & m[b]) | (!m[b] & !m[a]),
                     Step::Not(a) => !m[a],
                     _ => L::Mask::splat(matches!(step, Step::Truth(true))),
                 });

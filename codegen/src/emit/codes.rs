@@ -38,6 +38,8 @@ pub(super) fn code(op: Op, isa: InstructionSet, precision: Precision) -> Code {
         Op::Uniform => [VEX_Vbroadcastss_ymm_m32, VEX_Vbroadcastsd_ymm_m64, EVEX_Vbroadcastss_zmm_k1z_xmmm32, EVEX_Vbroadcastsd_zmm_k1z_xmmm64],
         Op::MaskAnd => [INVALID, INVALID, VEX_Kandw_kr_kr_kr, VEX_Kandb_kr_kr_kr],
         Op::MaskOr => [INVALID, INVALID, VEX_Korw_kr_kr_kr, VEX_Korb_kr_kr_kr],
+        Op::MaskDiffer => [INVALID, INVALID, VEX_Kxorw_kr_kr_kr, VEX_Kxorb_kr_kr_kr],
+        Op::MaskSame => [INVALID, INVALID, VEX_Kxnorw_kr_kr_kr, VEX_Kxnorb_kr_kr_kr],
         Op::MaskNot => [INVALID, INVALID, VEX_Knotw_kr_kr, VEX_Knotb_kr_kr],
         Op::MaskInput => [VEX_Vpcmpeqd_ymm_ymm_ymmm256, VEX_Vpcmpeqq_ymm_ymm_ymmm256, VEX_Kmovw_kr_km16, VEX_Kmovb_kr_km8],
         _ => [INVALID; 4],
