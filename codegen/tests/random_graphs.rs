@@ -347,3 +347,42 @@ fn single_with_any_inputs() {
 fn double_with_any_inputs() {
     random_graphs::<f64>(Kind::AnyInputs);
 }
+
+/// A chain's values, summed up from its end: all of them are alive at once.
+fn there_and_back<L: Lane>(x: L, y: L) -> L {
+    let mut values = vec![x];
+    for i in 0..4000 {
+        values.push(values[i].mul_add(y, x));
+    }
+    values.iter().rev().fold(y, |sum, value| sum.mul_add(y, *value))
+}
+
+fn many_values<T: Float + LaneQuery<Mask = bool>>() {
+    let mut recording = Recording::<T>::new();
+    let inputs = recording.input(0, 2);
+    let sum = there_and_back(inputs[0], inputs[1]);
+    recording.output(1, &[sum]);
+    let program = recording.finish();
+    let mut random = Random::new(1);
+    let mut lanes = vec![T::Block::zero(); 2];
+    for lane in &mut lanes {
+        (0..T::Block::WIDTH).for_each(|i| lane.set(i, T::from_f64(random.uniform(-0.9, 0.9))));
+    }
+    for isa in instruction_sets() {
+        let fragment = program.compile(isa).unwrap();
+        assert!(fragment.statistics().slots > 3900, "all but what fits into registers is spilled");
+        let mut out = vec![T::Block::zero()];
+        fragment.run(&mut Scratch::new(), &mut [FieldSlice::read(&lanes), FieldSlice::write(&mut out)], &[], &mut []);
+        for i in 0..T::Block::WIDTH {
+            let expected = there_and_back(lanes[0].get(i), lanes[1].get(i));
+            assert_eq!(out[0].get(i).bits(), expected.bits(), "{} lane {i}", isa.name());
+        }
+    }
+}
+
+/// Slots that no short displacement reaches, more stretches of them than there are registers for addresses.
+#[test]
+fn many_values_alive() {
+    many_values::<f32>();
+    many_values::<f64>();
+}

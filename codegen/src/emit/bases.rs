@@ -19,7 +19,7 @@ pub(super) const POOL: [Register; 9] = [
 /// How many of the pool need not be preserved.
 pub(super) const VOLATILE: usize = 3;
 
-/// A stretch of a field that short displacements from one address reach: field, number of the stretch.
+/// A stretch of a field, or of the slots, that short displacements from one address reach: field, number of the stretch.
 pub(super) type Stretch = (u32, u32);
 
 /// Which address is in which register.

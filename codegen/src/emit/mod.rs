@@ -35,6 +35,10 @@ const ITEM: Register = MASKS_OUT;
 const LAST_ARGUMENT: Register = Register::R9;
 const END: Register = Register::RAX;
 
+/// In place of a field's number, the slots: code that is larger than the first cache goes at the pace at which its bytes
+/// arrive, so addresses for short displacements pay.
+const SPILLED: u32 = u32::MAX;
+
 /// Largest displacement that is used.
 const REACH: usize = 1 << 30;
 
@@ -303,7 +307,16 @@ impl Emitter<'_> {
             Place::Field { field, lane: entry } | Place::Uniform { field, index: entry } => {
                 Some((field, entry / self.stretch_len(field)))
             }
+            Place::Slot(slot) => Some((SPILLED, slot / self.slot_stretch())).filter(|(_, stretch)| *stretch > 0),
             _ => None,
+        }
+    }
+
+    /// Slots that one address serves.
+    fn slot_stretch(&self) -> u32 {
+        match self.isa {
+            InstructionSet::Avx2 => u32::MAX,
+            InstructionSet::Avx512 => (2 * bias(self.isa, self.isa.vector_bytes()) / self.isa.vector_bytes()) as u32,
         }
     }
 
@@ -325,11 +338,7 @@ impl Emitter<'_> {
         let (base, offset, broadcast) = match place {
             Place::Field { field, lane } => self.entry(field, lane, FieldKind::Lanes)?,
             Place::Uniform { field, index } => self.entry(field, index, FieldKind::Uniform)?,
-            Place::Slot(slot) => {
-                assert!(slot < self.slots, "slot {slot} of {}", self.slots);
-                let step = self.isa.vector_bytes();
-                (SLOTS, slot as i64 * step as i64 - bias(self.isa, step) as i64, false)
-            }
+            Place::Slot(slot) => self.slot(slot)?,
             Place::Constant(index) => {
                 assert!(index <= self.constants, "constant {index} of {}", self.constants);
                 let step = constant_step(self.isa, self.precision);
@@ -342,6 +351,20 @@ impl Emitter<'_> {
             }
         };
         Ok(MemoryOperand { is_broadcast: broadcast, ..MemoryOperand::with_base_displ(base, offset) })
+    }
+
+    /// Register, displacement and no broadcast for a slot. The first ones have an address of their own.
+    fn slot(&mut self, slot: u32) -> Result<(Register, i64, bool), iced_x86::IcedError> {
+        assert!(slot < self.slots, "slot {slot} of {}", self.slots);
+        let step = self.isa.vector_bytes();
+        let stretch = slot / self.slot_stretch();
+        let start = i64::from(stretch) * i64::from(self.slot_stretch()) * step as i64;
+        let (register, missing) = if stretch == 0 { (SLOTS, false) } else { self.bases.access((SPILLED, stretch)) };
+        if missing {
+            let address = MemoryOperand::with_base_displ(SLOTS, start);
+            self.put(Native::with2(Code::Lea_r64_m, register, address)?)?;
+        }
+        Ok((register, i64::from(slot) * step as i64 - start - bias(self.isa, step) as i64, false))
     }
 
     /// Loads the address of a field, or of its part for the present item.
