@@ -113,9 +113,9 @@ impl<L: LaneQuery> Group<L> {
         seen.iter_mut().for_each(|seen| seen.len = 0);
         let alive = self.blocks[b].status.alive;
         let collision = &workspace.collision;
-        for (slot, contact) in collision.slots.iter().zip(&collision.contacts) {
+        for (slot, contact) in collision.slots.iter().zip(collision.contacts()) {
             let slot = model.pairs[slot.pair as usize].slots.start + slot.point;
-            let mut lanes = L::bits(contact.dist.lt(L::of(L::Real::MAXVAL))) & alive;
+            let mut lanes = L::bits(contact.dist().lt(L::of(L::Real::MAXVAL))) & alive;
             while lanes != 0 {
                 let seen = &mut seen[lanes.trailing_zeros() as usize];
                 lanes &= lanes - 1;

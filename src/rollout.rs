@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use lanesim_kernels::constraint::DofRowKind;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::stage::StageClock;
 use lanesim_kernels::workspace::Workspace;
@@ -175,13 +174,12 @@ impl Statistics {
         let count = |mask: L::Mask| f64::from((L::bits(mask) & alive).count_ones());
         self.world_steps += worlds;
         self.block_steps += 1.0;
-        self.slots += workspace.collision.contacts.len() as f64 * worlds;
-        for contact in &workspace.collision.contacts {
-            self.contacts += count(contact.dist.lt(L::of(L::Real::MAXVAL)));
+        self.slots += workspace.collision.slots.len() as f64 * worlds;
+        for contact in workspace.collision.contacts() {
+            self.contacts += count(contact.dist().lt(L::of(L::Real::MAXVAL)));
         }
-        for row in &workspace.constraint.dof_rows {
-            let acts = row.kind == DofRowKind::Friction;
-            self.rows += if acts { worlds } else { count(row.d.gt(L::zero())) };
+        for law in workspace.constraint.dof_laws() {
+            self.rows += count(law.d().gt(L::zero()));
         }
         for row in &workspace.constraint.contact_rows {
             self.rows += f64::from(row.rows()) * count(workspace.constraint.law(row).d().gt(L::zero()));

@@ -1,7 +1,9 @@
 //! Compiled fragments, and running them.
 
+mod session;
 mod windows;
 
+pub use session::{Call, Session};
 pub use windows::{Windows, WindowsList};
 
 use std::collections::BTreeMap;
@@ -46,6 +48,27 @@ impl<'a, T: Float> FieldSlice<'a, T> {
         Self::new(lanes.as_mut_ptr().cast(), lanes.len(), FieldKind::Lanes, true)
     }
 
+    /// The same field once more, for code that has several windows into it. Windows of an item in which both write must not
+    /// overlap, or what they hold in the end is either's.
+    #[inline(always)]
+    pub fn again(&self) -> Self {
+        FieldSlice { start: self.start, tag: self.tag, borrowed: PhantomData }
+    }
+
+    /// Part of a field of lanes.
+    ///
+    /// # Panics
+    ///
+    /// If it does not lie within the field.
+    #[inline]
+    pub fn part(&self, start: usize, len: usize) -> Self {
+        let fits = start.checked_add(len).is_some_and(|end| end <= self.len());
+        assert!(fits && self.tag & 2 == 0, "{len} lanes from {start} of a field of {}", self.len());
+        // SAFETY: the part lies within the memory that the field borrows.
+        let start = unsafe { self.start.add(start * BLOCK_BYTES) };
+        FieldSlice { start, tag: len << 2 | self.tag & 3, borrowed: PhantomData }
+    }
+
     /// A field of numbers that all worlds share.
     #[inline(always)]
     pub fn uniform(numbers: &'a [T]) -> Self {
@@ -53,8 +76,8 @@ impl<'a, T: Float> FieldSlice<'a, T> {
     }
 
     /// A field of length 0, for a number that no field was bound to.
-    pub fn unused() -> Self {
-        Self::read(&[])
+    pub const fn unused() -> Self {
+        FieldSlice { start: std::ptr::null_mut(), tag: 0, borrowed: PhantomData }
     }
 
     #[inline(always)]
@@ -108,6 +131,12 @@ impl Wanted {
         self.tag >> 2
     }
 
+    /// Entries from one possible start of a window to the next: see [`Program::compile_each`].
+    #[inline(always)]
+    fn per_start<T: Float>(&self) -> usize {
+        if self.tag & 2 == 0 { 1 } else { BLOCK_BYTES / T::PRECISION.bytes() }
+    }
+
     /// Bits in which the field differs.
     #[inline(always)]
     fn differs<T>(&self, field: &FieldSlice<'_, T>) -> usize {
@@ -129,6 +158,11 @@ pub struct Scratch {
     masks_out: Vec<u32>,
     /// Addresses of the fields for one run; of no meaning between runs.
     fields: Vec<*mut u8>,
+    /// Calls of the session that runs, and the addresses of their fields; of no meaning between sessions.
+    bound: Vec<session::Bound>,
+    addresses: Vec<*mut u8>,
+    /// Largest starts of the windows of those calls.
+    largest: Vec<usize>,
 }
 
 // SAFETY: the addresses are written at the start of every run and not used after it; all else is plain data.
@@ -140,6 +174,18 @@ impl Scratch {
     /// Empty.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// What code of an instruction set is given of it.
+    #[inline(always)]
+    fn arguments(&mut self, isa: InstructionSet) -> Arguments {
+        Arguments {
+            fields: std::ptr::null(),
+            constants: std::ptr::null(),
+            slots: self.slots.as_mut_ptr().cast::<u8>().wrapping_add(bias(isa, isa.vector_bytes())),
+            masks_in: self.masks_in.as_ptr(),
+            masks_out: self.masks_out.as_mut_ptr(),
+        }
     }
 
     /// Makes room for a fragment, so that its runs do not allocate.
@@ -273,6 +319,49 @@ impl<T: Float> Fragment<T> {
         }
     }
 
+    /// Runs the code once for every item, one after the other, on parts of larger fields: of each field the recorded number of
+    /// entries from the start that the item gives for it, with a mask of its own, the only one that the code is given. What a
+    /// run writes, the next one reads.
+    ///
+    /// # Panics
+    ///
+    /// If the code returns masks, a field's kind differs from what was recorded, a field that is written was lent for
+    /// reading only, the number of fields or masks differs, or a part does not lie within its field.
+    pub fn run_each_masked<const N: usize>(
+        &self,
+        scratch: &mut Scratch,
+        fields: &mut [FieldSlice<'_, T>; N],
+        items: impl Iterator<Item = ([usize; N], u32)> + Clone,
+    ) {
+        assert!(self.columns.is_none(), "code for windows");
+        assert_eq!(self.fields.len(), N, "number of fields");
+        assert_eq!(self.masks_in, 1, "number of masks given");
+        assert!(self.masks_out.is_empty(), "code that returns masks runs once");
+        let steps: [usize; N] = std::array::from_fn(|i| field_step(self.fields[i].kind, T::PRECISION));
+        let last: [usize; N] = std::array::from_fn(|i| {
+            let (field, bound) = (&fields[i], &self.fields[i]);
+            let same = self.wanted[i].differs(field) & 3 == 0;
+            assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
+            field.len() - bound.len
+        });
+        scratch.reserve(self);
+        for run in 0..self.runs() {
+            let bases: [*mut u8; N] = std::array::from_fn(|i| self.wanted[i].address(&fields[i], run));
+            for (starts, mask) in items.clone() {
+                let mut addresses = bases;
+                for i in 0..N {
+                    assert!(starts[i] <= last[i], "part of field {i} from {}", starts[i]);
+                    addresses[i] = bases[i].wrapping_add(starts[i] * steps[i]);
+                }
+                let shared = self.arguments(scratch, &[mask], run);
+                // SAFETY: as in `run`, with parts of fields that lie within them: their kinds and mutability were compared
+                // above, and `last` is the largest start from which a field still has the recorded number of entries. The
+                // addresses are read during the call only.
+                unsafe { self.code.run(&Arguments { fields: addresses.as_ptr(), ..shared }) };
+            }
+        }
+    }
+
     /// How often the code runs for a block.
     fn runs(&self) -> usize {
         BLOCK_BYTES / self.statistics.isa.vector_bytes()
@@ -301,13 +390,12 @@ impl<T: Float> Fragment<T> {
         for (word, given) in scratch.masks_in.iter_mut().zip(masks_in) {
             *word = given >> (run * isa.vector_bytes() / T::PRECISION.bytes());
         }
-        Arguments {
-            fields: std::ptr::null(),
-            constants: self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(isa, T::PRECISION)),
-            slots: scratch.slots.as_mut_ptr().cast::<u8>().wrapping_add(bias(isa, isa.vector_bytes())),
-            masks_in: scratch.masks_in.as_ptr(),
-            masks_out: scratch.masks_out.as_mut_ptr(),
-        }
+        Arguments { constants: self.constants_address(), ..scratch.arguments(isa) }
+    }
+
+    /// The address of the constants as the code wants it.
+    fn constants_address(&self) -> *const u8 {
+        self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(self.statistics.isa, T::PRECISION))
     }
 
     #[cold]
@@ -345,6 +433,13 @@ impl<T: Float> Fragment<T> {
     /// Figures about it.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
+    }
+
+    /// Gives the code a name, for profiles: see the environment variable `LANESIM_PERF_MAP`.
+    #[must_use]
+    pub fn named(self, name: &str) -> Self {
+        crate::perf::note(name, self.code.bytes());
+        self
     }
 
     /// Its instructions as text, one a line.

@@ -88,6 +88,7 @@ mod machine;
 mod memory;
 #[cfg_attr(not(all(target_arch = "x86_64", unix)), path = "elsewhere.rs")]
 mod native;
+mod perf;
 mod recorder;
 mod recording;
 mod schedule;
@@ -97,7 +98,7 @@ mod uses;
 
 pub use error::CompileError;
 pub use float::{Block, Float, Precision};
-pub use fragment::{FieldSlice, Fragment, Scratch, Windows, WindowsList};
+pub use fragment::{Call, FieldSlice, Fragment, Scratch, Session, Windows, WindowsList};
 pub use graph::Op;
 pub use isa::InstructionSet;
 pub use recorder::{Recorder, RecorderMask};

@@ -43,6 +43,11 @@ impl Code {
         Ok(Code { memory: ExecutableMemory::new(&emitted.code)?, instructions: emitted.instructions })
     }
 
+    /// The code.
+    pub fn bytes(&self) -> &[u8] {
+        self.memory.code()
+    }
+
     /// Bytes of code.
     pub fn len(&self) -> usize {
         self.memory.code().len()

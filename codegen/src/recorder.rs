@@ -68,6 +68,12 @@ impl<T: Float> Recorder<T> {
     fn record(f: impl FnOnce(&mut Graph) -> Id) -> Self {
         Recorder::new(with_graph::<T, _>(f))
     }
+
+    /// The number, if it is the same whatever the inputs.
+    pub fn constant(self) -> Option<T> {
+        let node = with_graph::<T, _>(|graph| graph.node(self.id));
+        (node.op == crate::graph::Op::Constant).then(|| T::of_bits(node.bits()))
+    }
 }
 
 impl<T: Float> RecorderMask<T> {

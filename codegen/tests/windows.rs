@@ -112,8 +112,29 @@ fn other_code_is_refused() {
         assert!(panics(&mut || looped.run_each(&mut scratch, &mut fields[..3], &[0], list(&[[0; 3]]).list(0))));
         let compile = |columns: &[Option<usize>]| sums::<f64>().compile_each::<3>(isa, columns).map(|_| ());
         assert!(panics(&mut || compile(&[Some(3), None, None, None]).unwrap()), "no such column");
-        assert!(panics(&mut || compile(&[None, None, None, Some(0)]).unwrap()), "windows of uniform numbers");
         assert!(panics(&mut || compile(&[None; 3]).unwrap()), "a field too few");
+    }
+}
+
+#[test]
+fn windows_of_uniform_numbers_start_at_whole_blocks() {
+    for isa in instruction_sets() {
+        let code = sums::<f64>().compile_each::<3>(isa, &[None, None, Some(1), Some(2)]).unwrap();
+        let (x, mut sum, mut halves) = (ramp::<<f64 as Float>::Block>(2), ramp(1), ramp(2));
+        let numbers: Vec<f64> = (0..10).map(f64::from).collect();
+        let (half, number) = (<f64 as Float>::Block::of(0.5), |i: usize| <f64 as Float>::Block::splat(numbers[i]));
+        let halves_of = |k: usize| x[0] * x[1] * number(8 * k + 1) * half;
+        let expected = [halves_of(1), halves_of(0)];
+        let mut run = |numbers: &[f64]| {
+            let (sum, halves) = (FieldSlice::write(&mut sum), FieldSlice::write(&mut halves));
+            let mut fields = [FieldSlice::read(&x), sum, halves, FieldSlice::uniform(numbers)];
+            let windows = list(&[[0, 0, 1], [0, 1, 0]]);
+            let run = || code.run_each(&mut Scratch::new(), &mut fields, &[MASK], windows.list(0));
+            catch_unwind(AssertUnwindSafe(run)).is_ok()
+        };
+        assert!(!run(&numbers[..9]), "a number short");
+        assert!(run(&numbers));
+        assert_same(isa.name(), &halves, &expected);
     }
 }
 

@@ -1,10 +1,11 @@
 //! Parts of a step as code made for the model: straight lines in place of loops over its tables.
 
-use crate::constraint::Constraint;
+use crate::collision::{Collision, Found, Near};
+use crate::constraint::{Constraint, ContactRow, Motion};
 use crate::lane::LaneQuery;
+use crate::position::Position;
 use crate::solver::contact::Contacts;
-use crate::solver::edges::Edges;
-use crate::solver::{Problem, Solver};
+use crate::solver::{Problem, Rounds, SolverWork};
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
 
@@ -17,90 +18,134 @@ pub trait Code<L: LaneQuery> {
         None
     }
 
+    /// Number of groups of pairs whose bounding tests have code; 0: kernels test all pairs.
+    fn groups(&self) -> usize {
+        0
+    }
+
+    /// [`collision::near_pairs`](crate::collision::near_pairs) of a group: writes, for its pairs, the worlds of `alive` in
+    /// which they are near, and the gaps. Returns whether any is near.
+    fn near(&mut self, _group: usize, _: &Position<L>, _alive: u32, _near: &mut [u32], _gaps: &mut [L; 2]) -> bool {
+        false
+    }
+
+    /// [`collision::points`](crate::collision::points), or [`collision::capsules`](crate::collision::capsules) where
+    /// some are parallel, of the pairs that have a formula in lanes.
+    fn narrow(&mut self, _: &Position<L>, _: &[Near], _: &mut [Found<L>]) -> bool {
+        false
+    }
+
     /// [`integration::euler`](crate::integration::euler) from the solver's acceleration and the sum of forces.
     fn euler(&mut self, _: &State<L>, _: &mut Workspace<L>) -> bool {
         false
     }
 
-    /// [`solver::motion`](crate::solver::motion) of the search direction.
-    fn motion(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
+    /// [`constraint::dof_lanes`](crate::constraint::dof_lanes), of all rows on joints that the model has.
+    fn dof_rows(&mut self, _: &State<L>, _: &mut Constraint<L>) -> bool {
         false
     }
 
-    /// [`solver::curve`](crate::solver::curve), with contacts on any link.
-    fn curve(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
+    /// [`constraint::still_side`](crate::constraint::still_side) of all listed contacts one side of which stands still.
+    fn still_sides(&mut self, _: Motion<'_, L>, _: &Collision<L>, _: &mut Constraint<L>) -> bool {
         false
     }
 
-    /// [`solver::descend`](crate::solver::descend).
-    fn descend(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
+    /// [`constraint::both_sides`](crate::constraint::both_sides) of a listed contact with both sides in one tree.
+    fn both_sides(&mut self, _: Motion<'_, L>, _: &Collision<L>, _: &ContactRow, _: &mut Constraint<L>) -> bool {
         false
     }
 
-    /// [`solver::polish`](crate::solver::polish).
-    fn polish(&mut self, _: &Problem<'_, L>, _: &mut Solver<L>) -> bool {
-        false
-    }
+    /// A solve begins: the contacts that the following are called for, as [`Contacts::runs`] has them.
+    fn contacts(&mut self, _: &Constraint<L>) {}
 
-    /// [`solver::gather`](crate::solver::gather), with contacts on any link: returns the lanes that have converged, and
-    /// those that stood still.
-    fn gather(&mut self, _: &Problem<'_, L>, _open: u32, _: &mut Solver<L>) -> Option<[u32; 2]> {
+    /// A part of the solver, from the lanes that the kernel takes to those that it returns.
+    fn solver(
+        &mut self,
+        _: SolverPart,
+        _: &Problem<'_, L>,
+        _warmstart: &[L],
+        _open: u32,
+        _: &mut SolverWork<L>,
+    ) -> Option<[u32; 2]> {
         None
     }
 
-    /// A solve begins: the contacts that the next four are called for, as [`Contacts::runs`] has them.
-    fn contacts(&mut self, _: &Constraint<L>) {}
-
-    /// [`contact::survey`](crate::solver::contact::survey) of the contacts: motions of links, y, twice the cost.
-    fn survey(
+    /// A part of the solver for all contacts of a kind.
+    fn contact(
         &mut self,
-        _: &Constraint<L>,
+        _: ContactPart,
         _: Contacts<'_>,
-        _twist: &[[L; 6]],
-        _y: &mut [L],
-        _twice: &mut [L; 1],
-    ) -> bool {
-        false
-    }
-
-    /// [`contact::approach`](crate::solver::contact::approach) of the contacts: motions of links, y, J p.
-    fn approach(
-        &mut self,
-        _: &Constraint<L>,
-        _: Contacts<'_>,
-        _twist: &[[L; 6]],
-        _y: &[L],
-        _jp: &mut [L],
-        _: &mut Edges<L>,
-    ) -> bool {
-        false
-    }
-
-    /// [`contact::act`](crate::solver::contact::act) of the contacts: J p, y, forces, forces on links.
-    #[allow(clippy::too_many_arguments)] // all that contacts have
-    fn act(
-        &mut self,
-        _: &Constraint<L>,
-        _: Contacts<'_>,
-        _step: L,
+        _: &Problem<'_, L>,
         _open: u32,
-        _jp: &[L],
-        _y: &mut [L],
-        _force: &mut [L],
-        _wrench: &mut [[L; 6]],
+        _: &mut SolverWork<L>,
     ) -> bool {
         false
     }
 
-    /// [`contact::stiffen`](crate::solver::contact::stiffen) of the contacts: y, stiffnesses of links.
-    fn stiffen(&mut self, _: &Constraint<L>, _: Contacts<'_>, _y: &[L], _stiffness: &mut [[L; 21]]) -> bool {
+    /// [`solver::couple`](crate::solver::couple) of a contact.
+    fn couple(&mut self, _: &Problem<'_, L>, _: &ContactRow, _: &mut SolverWork<L>) -> bool {
         false
     }
 
-    /// Whether `curve` and `gather` want the forces and stiffnesses of links without contacts to be zero.
-    fn every_link(&self) -> bool {
+    /// Calls back with all parts of Newton's iteration, made ready once.
+    fn rounds(
+        &mut self,
+        _: &Problem<'_, L>,
+        _warmstart: &[L],
+        _: &mut SolverWork<L>,
+        _run: &mut dyn FnMut(&mut dyn Rounds<L>),
+    ) -> bool {
         false
     }
+}
+
+/// Part of the solver, after the kernels of the same names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolverPart {
+    /// [`depart`](crate::solver::depart).
+    Depart,
+    /// [`choose`](crate::solver::choose).
+    Choose,
+    /// [`motion`](crate::solver::motion).
+    Motion,
+    /// [`curve`](crate::solver::curve), then [`descend`](crate::solver::descend): if of every contact one side stands still.
+    Turn,
+    /// [`curve`](crate::solver::curve).
+    Curve,
+    /// [`descend`](crate::solver::descend).
+    Descend {
+        /// On the fullest pattern that contacts can fill in, or on the inertia matrix's.
+        filled: bool,
+    },
+    /// [`polish`](crate::solver::polish).
+    Polish {
+        /// The same.
+        filled: bool,
+    },
+    /// [`probe`](crate::solver::probe).
+    Probe {
+        /// Of a full step.
+        first: bool,
+    },
+    /// [`gather`](crate::solver::gather).
+    Gather,
+}
+
+/// Part of the solver for a contact, after the kernels of the same names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ContactPart {
+    /// [`contact::survey`](crate::solver::contact::survey).
+    Survey,
+    /// [`contact::choose`](crate::solver::contact::choose).
+    Choose,
+    /// [`contact::approach`](crate::solver::contact::approach).
+    Approach,
+    /// [`edges::slope`](crate::solver::edges::slope).
+    Slope,
+    /// [`contact::act`](crate::solver::contact::act).
+    Act,
+    /// [`contact::stiffen`](crate::solver::contact::stiffen).
+    Stiffen,
 }
 
 /// No code: kernels do everything.

@@ -101,8 +101,7 @@ pub fn element<L: LaneQuery>(
         }
         Status::CONTACT_OVERFLOW => {
             let collision = &ws.collision;
-            let listed = |c: &crate::collision::Contact<L>| holds(c.dist.lt(L::of(L::Real::MAXVAL)));
-            let last = collision.contacts.iter().rposition(listed);
+            let last = collision.contacts().rposition(|contact| holds(contact.dist().lt(L::of(L::Real::MAXVAL))));
             last.map(|c| Element::Pair(collision.slots[c].pair))
         }
         Status::FROZEN => {

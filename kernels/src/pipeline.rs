@@ -67,20 +67,24 @@ pub fn forward<L: LaneQuery>(
     status.record(Status::BAD_CTRL, bad_controls & status.alive);
     status.record(Status::SINGULAR_INERTIA, singular & status.alive);
     if placed {
-        ws.collision.moved(&ws.position, alive);
+        ws.collision.moved(alive);
     }
     if runs(Stage::Energy) {
         energy::energy(model, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
         end(Stage::Energy);
     }
     if runs(Stage::Collision) {
-        let overflow = collision::collide(model, &ws.position, alive, run.max_contacts, run.convex, &mut ws.collision);
+        let (most, code) = (run.max_contacts, &mut *run.code);
+        let overflow = collision::collide(model, &ws.position, alive, most, run.convex, code, &mut ws.collision);
         status.record(Status::CONTACT_OVERFLOW, L::bits(overflow & alive));
         end(Stage::Collision);
     }
     if runs(Stage::Constraint) {
-        constraint::dof_rows(model, &state.qpos, &state.qvel, alive, &mut ws.constraint);
-        constraint::contact_rows(model, &ws.position, &ws.velocity, &ws.collision, &state.qvel, &mut ws.constraint);
+        if !run.code.dof_rows(state, &mut ws.constraint) {
+            constraint::dof_rows(model, &state.qpos, &state.qvel, alive, &mut ws.constraint);
+        }
+        let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
+        constraint::contact_rows(model, motion, &ws.collision, run.code, &mut ws.constraint);
         end(Stage::Constraint);
     }
     if runs(Stage::Solver) {
@@ -110,7 +114,7 @@ impl<L> Smooth<'_, L> {
     }
 }
 
-/// From positions to the smooth acceleration, and to where geoms are: those of its stages for which `runs` holds. Calls `end` after each. Returns
+/// From positions to the smooth acceleration, and how far geoms moved: those of its stages for which `runs` holds. Calls `end` after each. Returns
 /// the lanes with unusable controls and those with a singular inertia.
 pub fn smooth<L: Lane>(
     model: &Model<L::Real>,
@@ -125,7 +129,7 @@ pub fn smooth<L: Lane>(
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
     if runs(Stage::Collision) {
-        collision::place(model, position, colliders);
+        collision::way(model, &state.qpos, position, colliders);
         end(Stage::Collision);
     }
     if runs(Stage::Inertia) {

@@ -22,6 +22,7 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
+use lanesim_kernels::collision::levers;
 use lanesim_kernels::model::{self as kernel, Features, Sizes};
 use lanesim_kernels::options::Options;
 
@@ -97,6 +98,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         features: features(&spec.option, &links, &joints, &dofs, &actuators),
         joints,
         dofs,
+        levers: Vec::new(),
         geoms: pairs.geoms,
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
@@ -112,7 +114,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         bodies: links.bodies(&scene),
         links: links.links.clone(),
     };
-    let tables = kernel::Model { tree_pattern: rows::tree_pattern(&tables.dofs), ..tables };
+    let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
+    let tables = kernel::Model { tree_pattern, levers, ..tables };
     let arrays = arrays::arrays(&arrays::Sources {
         spec,
         scene: &scene,

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use lanesim_kernels::model::{Dof, Geom, NONE, Pair, PairDof, Shape, Span};
+use lanesim_kernels::model::{Dof, Geom, NONE, Pair, PairDof, Shape, Sides, Span};
 use lanesim_kernels::options::Options;
 
 use super::constraints::impedance;
@@ -86,7 +86,7 @@ pub(crate) fn pairs(
         };
         let contact = overridden(&spec.option, contact);
         let (link1, link2) = (links.body_link[g1.body], links.body_link[g2.body]);
-        let Some((span, cross)) = chains.between(link1, link2) else {
+        let Some(Between { dofs, cross, sides }) = chains.between(link1, link2) else {
             diagnostics.push(
                 &Source::default(),
                 "contact",
@@ -104,8 +104,9 @@ pub(crate) fn pairs(
             link2,
             condim: contact.condim as u32,
             slots: Span { start: out.nslot as u32, len: slots as u32 },
-            dofs: span,
+            dofs,
             cross,
+            sides,
             margin: contact.margin,
             include: contact.margin + contact.gap,
             friction: contact.friction.map(|x| x.max(MINMU)),
@@ -350,10 +351,21 @@ struct Chains<'a> {
     dofs: &'a [Dof<f64>],
     links: &'a Links,
     /// What has been listed, by pair of links.
-    known: HashMap<(u32, u32), (Span, bool)>,
+    known: HashMap<(u32, u32), Between>,
     /// Whole chains in the list, by link and sign.
     whole: HashMap<(u32, bool), Span>,
     list: Vec<PairDof>,
+}
+
+/// What lies between two links.
+#[derive(Clone, Copy)]
+struct Between {
+    /// Dofs that move one of them and not the other, ascending.
+    dofs: Span,
+    /// Whether both have some.
+    cross: bool,
+    /// Which of them moves, and in one tree or not.
+    sides: Sides,
 }
 
 impl<'a> Chains<'a> {
@@ -361,11 +373,10 @@ impl<'a> Chains<'a> {
         Chains { dofs, links, known: HashMap::new(), whole: HashMap::new(), list: Vec::new() }
     }
 
-    /// Dofs that move one of two links and not the other, ascending, and whether both have some; `None` if the table
-    /// becomes too long.
-    fn between(&mut self, link1: u32, link2: u32) -> Option<(Span, bool)> {
+    /// What lies between two links; `None` if the table becomes too long.
+    fn between(&mut self, link1: u32, link2: u32) -> Option<Between> {
         if link1 == NONE || link2 == NONE {
-            return Some((Span::default(), false));
+            return Some(Between { dofs: Span::default(), cross: false, sides: Sides::One });
         }
         if let Some(&known) = self.known.get(&(link1, link2)) {
             return Some(known);
@@ -386,7 +397,7 @@ impl<'a> Chains<'a> {
             }
         }
         let len = (self.list.len() - start) as u32;
-        let span = if first && second {
+        let dofs = if first && second {
             self.list[start..].reverse();
             Span { start: start as u32, len }
         } else {
@@ -398,8 +409,10 @@ impl<'a> Chains<'a> {
         if self.list.len() > MAX_PAIR_DOFS {
             return None;
         }
-        self.known.insert((link1, link2), (span, first && second));
-        Some((span, first && second))
+        let sides = if a == NONE { Sides::Apart } else { Sides::Two };
+        let between = Between { dofs, cross: first && second, sides };
+        self.known.insert((link1, link2), between);
+        Some(between)
     }
 
     /// All dofs that move a link, ascending.

@@ -1,55 +1,45 @@
-//! Code for contacts with one moving side, by kind of contact.
+//! Code for contacts with sides in one tree, by kind of contact.
 
 use std::sync::OnceLock;
 
-use lanesim_codegen::{
-    FieldSlice, Float, Fragment, InstructionSet, Program, Recorder, Recording, Scratch, Windows, WindowsList,
-};
-use lanesim_kernels::constraint::{Cone, Constraint, ContactRow, Law, Strength, cone};
+use lanesim_codegen::{Float, Fragment, InstructionSet, Program, Recorder, Recording, Windows, WindowsList};
+use lanesim_kernels::code::ContactPart;
+use lanesim_kernels::constraint::{Cone, Constraint, ContactRow, Kind, Law, Strength};
 use lanesim_kernels::lane::Lane;
 use lanesim_kernels::math::spatial::Spatial;
-use lanesim_kernels::model::{Model, NONE};
-use lanesim_kernels::solver::contact::{self, Contacts, Kind, Sym6};
-use lanesim_kernels::solver::edges::{EDGE, ELLIPSE, Edges};
+use lanesim_kernels::math::vec3::sub;
+use lanesim_kernels::model::{NONE, Sides};
+use lanesim_kernels::solver::Line;
+use lanesim_kernels::solver::contact::{self, Sym6};
+use lanesim_kernels::solver::edges::{self, EDGE, ELLIPSE};
 
-/// What is done with a contact, after the kernels of the same names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ContactPart {
-    Survey,
-    Approach,
-    Act,
-    Stiffen,
+use super::fields::Field;
+
+/// All parts, with their names.
+pub const ALL: [(ContactPart, &str); 6] = [
+    (ContactPart::Survey, "survey"),
+    (ContactPart::Choose, "choose"),
+    (ContactPart::Approach, "approach"),
+    (ContactPart::Slope, "slope"),
+    (ContactPart::Act, "act"),
+    (ContactPart::Stiffen, "stiffen"),
+];
+
+/// Place of a part in the list of all.
+pub fn number(part: ContactPart) -> usize {
+    part as usize
 }
 
-impl ContactPart {
-    /// All parts, with their names.
-    pub const ALL: [(ContactPart, &str); PARTS] = [
-        (ContactPart::Survey, "survey"),
-        (ContactPart::Approach, "approach"),
-        (ContactPart::Act, "act"),
-        (ContactPart::Stiffen, "stiffen"),
-    ];
+/// Whether contacts of the kind have the part.
+pub fn applies(part: ContactPart, kind: Kind) -> bool {
+    part != ContactPart::Stiffen || kind.sides == Sides::One
 }
 
-/// The kinds of the contacts with one moving side that the model can have.
-pub fn kinds<T>(model: &Model<T>) -> Vec<Kind> {
-    let mut kinds = Vec::new();
-    for pair in model.pairs.iter().filter(|pair| pair.link1 == NONE || pair.link2 == NONE) {
-        let kind = Kind { cone: cone(model, pair), dim: pair.condim };
-        if !kinds.contains(&kind) {
-            kinds.push(kind);
-        }
-    }
-    kinds
-}
-
-/// Number of parts.
-const PARTS: usize = 4;
-/// Number of kinds: a contact has 1 to 6 components, with one of three cones.
-const KINDS: usize = 3 * 6;
+/// Number of kinds: a contact has 1 to 6 components, with one of three cones, and one or two sides that move.
+const KINDS: usize = 2 * 3 * 6;
 
 /// Code of the parts of all kinds, made at first use.
-pub struct ContactCode<T>([[OnceLock<Option<Fragment<T>>>; KINDS]; PARTS]);
+pub struct ContactCode<T>([[OnceLock<Option<Fragment<T>>>; KINDS]; ALL.len()]);
 
 impl<T> Default for ContactCode<T> {
     fn default() -> Self {
@@ -58,12 +48,15 @@ impl<T> Default for ContactCode<T> {
 }
 
 impl<T: Float> ContactCode<T> {
-    /// The code of a part, unless it cannot be had.
-    pub fn get(&self, part: ContactPart, kind: Kind, isa: InstructionSet) -> Option<&Fragment<T>> {
-        let place = &self.0[part as usize][6 * kind.cone as usize + kind.dim as usize - 1];
+    /// The code of a part, unless it cannot be had. `live` says which components motions of links can have.
+    pub fn get(&self, part: ContactPart, kind: Kind, live: [bool; 6], isa: InstructionSet) -> Option<&Fragment<T>> {
+        let sides = usize::from(kind.sides != Sides::One);
+        let place = &self.0[part as usize][18 * sides + 6 * kind.cone as usize + kind.dim as usize - 1];
         let compile = || {
-            let (program, columns) = record(part, kind);
-            program.compile_each::<COLUMNS>(isa, &columns).ok()
+            let columns: Vec<_> =
+                fields(part, kind.cone).iter().map(|(_, column)| column.map(|c| c as usize)).collect();
+            let code = record(part, kind, live).compile_each::<COLUMNS>(isa, &columns).ok()?;
+            Some(code.named(&format!("{part:?} {:?}", kind.sides)))
         };
         place.get_or_init(compile).as_ref()
     }
@@ -71,7 +64,7 @@ impl<T: Float> ContactCode<T> {
 
 /// Where a contact has its numbers in the block's arrays: what windows are there of.
 #[derive(Clone, Copy, Debug)]
-enum Column {
+pub enum Column {
     Strength,
     /// Motion rows, of six numbers for a component.
     Motion,
@@ -79,109 +72,271 @@ enum Column {
     Edge,
     /// Of six numbers for a link: motions, and forces.
     Link,
+    /// The same of the other side's link.
+    Other,
     Stiffness,
 }
 
 /// Number of columns.
-const COLUMNS: usize = 6;
+pub const COLUMNS: usize = 7;
 
-/// Windows of a block's contacts, run by run.
-pub type Places = Windows<COLUMNS>;
-/// Windows of a run of contacts.
+/// Windows of a block's contacts: of every kind a list of all, then of every kind one of those that act in some world that
+/// still iterates.
+#[derive(Default)]
+pub struct Places {
+    windows: Windows<COLUMNS>,
+    kinds: usize,
+    /// Worlds in which the contacts of the second lists act, list by list.
+    lanes: Vec<u32>,
+    /// Where those of a list start, and their number.
+    extents: Vec<(usize, usize)>,
+    /// Worlds for which the second lists were made.
+    open: u32,
+}
+
+impl Places {
+    /// Room for so many contacts.
+    pub fn with_capacity(contacts: usize, kinds: usize) -> Self {
+        Places {
+            windows: Windows::with_capacity(2 * kinds, 2 * contacts),
+            kinds,
+            lanes: Vec::with_capacity(contacts),
+            extents: Vec::with_capacity(kinds),
+            open: 0,
+        }
+    }
+
+    /// Sets the windows of all contacts with sides in one tree.
+    pub fn place<L: Lane>(&mut self, constraint: &Constraint<L>) {
+        self.windows.clear();
+        self.lanes.clear();
+        self.extents.clear();
+        self.kinds = constraint.kinds.len();
+        self.open = u32::MAX;
+        let rows = |kind: &Kind| {
+            let kind = *kind;
+            constraint.contact_rows.iter().filter(move |row| row.kind() == kind)
+        };
+        for kind in constraint.kinds.iter().chain(&constraint.kinds) {
+            self.windows.begin();
+            rows(kind).for_each(|row| self.windows.push(starts(row)));
+        }
+        for kind in &constraint.kinds {
+            let first = self.lanes.len();
+            self.lanes.extend(rows(kind).map(|row| row.lanes));
+            self.extents.push((first, self.lanes.len() - first));
+        }
+    }
+
+    /// All contacts of a kind.
+    pub fn all(&self, kind: usize) -> Run<'_> {
+        self.windows.list(kind)
+    }
+
+    /// Those that act in some world that still iterates.
+    pub fn active(&self, kind: usize) -> Run<'_> {
+        self.windows.list(self.kinds + kind)
+    }
+
+    /// Leaves the contacts in the second lists that act in some world of `open`, which are fewer from call to call.
+    pub fn narrow(&mut self, open: u32) {
+        if open == self.open {
+            return;
+        }
+        self.open = open;
+        for (kind, (first, len)) in self.extents.iter_mut().enumerate() {
+            let lanes = &mut self.lanes[*first..*first + *len];
+            let mut kept = 0;
+            self.windows.retain(self.kinds + kind, |item| {
+                let keep = lanes[item] & open != 0;
+                if keep {
+                    lanes[kept] = lanes[item];
+                    kept += 1;
+                }
+                keep
+            });
+            *len = kept;
+        }
+    }
+}
+
+/// Windows of contacts of a kind.
 pub type Run<'a> = WindowsList<'a, COLUMNS>;
 
 /// Where the windows of a contact start, by [`Column`].
 fn starts(row: &ContactRow) -> [usize; COLUMNS] {
-    let [strength, component, edge, link] = [row.strength, row.component, row.edge, row.link].map(|x| x as usize);
+    let other = if row.other == NONE { 0 } else { row.other };
+    let places = [row.strength, row.component, row.edge, row.link, other];
+    let [strength, component, edge, link, other] = places.map(|x| x as usize);
     let width = if row.cone == Cone::Ellipse { ELLIPSE } else { EDGE };
-    [7 * strength, 6 * component, component, width * edge, 6 * link, 21 * link]
+    [7 * strength, 6 * component, component, width * edge, 6 * link, 6 * other, 21 * link]
 }
 
-/// Sets the windows of all contacts with one moving side.
-pub fn place<L: Lane>(constraint: &Constraint<L>, places: &mut Places) {
-    places.clear();
-    for contacts in Contacts::runs(constraint) {
-        places.begin();
-        contacts.rows().for_each(|row| places.push(starts(row)));
+/// Most fields of a part.
+pub const MOST_FIELDS: usize = 10;
+
+/// The fields of a part, with their windows. Of contacts with one moving side the other's are empty.
+pub fn fields(part: ContactPart, cone: Cone) -> &'static [(Field, Option<Column>)] {
+    macro_rules! fields {
+        ($($field:ident $column:expr),*) => { &[$((Field::$field, $column)),*] };
+    }
+    const STRENGTH: Option<Column> = Some(Column::Strength);
+    const MOTION: Option<Column> = Some(Column::Motion);
+    const COMPONENT: Option<Column> = Some(Column::Component);
+    const EDGE: Option<Column> = Some(Column::Edge);
+    const LINK: Option<Column> = Some(Column::Link);
+    const OTHER: Option<Column> = Some(Column::Other);
+    const STIFFNESS: Option<Column> = Some(Column::Stiffness);
+    match (part, cone) {
+        (ContactPart::Survey, _) => {
+            fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, ColdTwist LINK, ColdTwist OTHER,
+            Twist LINK, Twist OTHER, Jp COMPONENT, Reference COMPONENT, Line None)
+        }
+        (ContactPart::Choose, _) => fields!(Y COMPONENT, Jp COMPONENT),
+        (ContactPart::Approach, Cone::Ellipse) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Twist LINK,
+            Twist OTHER, Jp COMPONENT, Ellipses EDGE, Line None),
+        (ContactPart::Approach, _) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Twist LINK, Twist OTHER,
+            Jp COMPONENT, Edges EDGE, Line None),
+        (ContactPart::Slope, Cone::Ellipse) => fields!(Ellipses EDGE, Line None),
+        (ContactPart::Slope, _) => fields!(Edges EDGE, Line None),
+        (ContactPart::Act, _) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Line None, Jp COMPONENT,
+            Force COMPONENT, Wrench LINK, Wrench OTHER),
+        (ContactPart::Stiffen, _) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Stiffness STIFFNESS),
     }
 }
 
-/// The windows of a run, which are those that [`place`] has set for the list it is from.
-#[inline]
-pub fn windows<'a>(places: &'a Places, contacts: Contacts<'_>) -> Run<'a> {
-    let windows = places.list(contacts.number);
-    debug_assert_eq!(windows.len(), contacts.rows().count(), "the solve did not begin with these contacts");
-    windows
+/// Number of masks that a part takes.
+pub fn masks(part: ContactPart) -> usize {
+    usize::from(matches!(part, ContactPart::Choose | ContactPart::Act))
 }
 
-/// A contact's fields, recorded, and the windows that they are.
+/// A contact's fields, recorded one after the other.
 struct Recorded<T: Float> {
     recording: Recording<T>,
-    columns: Vec<Option<usize>>,
+    next: usize,
 }
 
 impl<T: Float> Recorded<T> {
-    fn input<const N: usize>(&mut self, column: Option<Column>) -> (usize, [Recorder<T>; N]) {
-        let (field, lanes) = self.list(column, N);
+    fn input<const N: usize>(&mut self) -> (usize, [Recorder<T>; N]) {
+        let (field, lanes) = self.list(N);
         let mut out = [Recorder::zero(); N];
         out.copy_from_slice(&lanes);
         (field, out)
     }
 
-    fn list(&mut self, column: Option<Column>, len: usize) -> (usize, Vec<Recorder<T>>) {
-        let field = self.columns.len();
-        self.columns.push(column.map(|column| column as usize));
+    fn list(&mut self, len: usize) -> (usize, Vec<Recorder<T>>) {
+        let field = self.next;
+        self.next += 1;
         (field, self.recording.input(field, len))
+    }
+
+    fn line(&mut self) -> (usize, Line<Recorder<T>>) {
+        let (field, line) = self.input();
+        (field, Line(line))
     }
 }
 
-/// Fields: strength, motion rows, y; then what the part's kernel reads and writes, in its order. With their columns.
-fn record<T: Float>(part: ContactPart, kind: Kind) -> (Program<T>, Vec<Option<usize>>) {
-    use Column::{Component, Edge, Link, Motion, Stiffness};
-    let mut r = Recorded { recording: Recording::<T>::new(), columns: vec![] };
+/// Sets components that no motion has to zero.
+pub fn clear_dead<T: Float>(live: [bool; 6], spatial: &mut Spatial<Recorder<T>>) {
+    for (x, _) in spatial.iter_mut().zip(live).filter(|(_, live)| !live) {
+        *x = Recorder::zero();
+    }
+}
+
+/// Puts back what components that no motion has were before: nobody reads them.
+fn keep_dead<T: Float>(live: [bool; 6], changed: &mut Spatial<Recorder<T>>, before: &Spatial<Recorder<T>>) {
+    for ((x, before), _) in changed.iter_mut().zip(before).zip(live).filter(|(_, live)| !live) {
+        *x = *before;
+    }
+}
+
+/// Records a part, on its [`fields`].
+fn record<T: Float>(part: ContactPart, kind: Kind, live: [bool; 6]) -> Program<T> {
+    let mut r = Recorded { recording: Recording::<T>::new(), next: 0 };
     let dim = kind.dim as usize;
-    let (_, strength): (_, Strength<Recorder<T>>) = r.input(Some(Column::Strength));
+    let other = if kind.sides == Sides::One { 0 } else { 6 };
+    if part == ContactPart::Slope {
+        let (_, edges) = r.list(numbers(kind));
+        let (field, mut line) = r.line();
+        edges::slope(kind.cone, &edges, line.step(), &mut line);
+        r.recording.output(field, &line.0);
+        return r.recording.finish();
+    }
+    if part == ContactPart::Choose {
+        let (field, mut y) = r.list(dim);
+        let (_, cold) = r.list(dim);
+        let warm = r.recording.mask_input();
+        contact::choose(warm, &mut y, &cold);
+        r.recording.output(field, &y);
+        return r.recording.finish();
+    }
+    let (_, strength): (_, Strength<Recorder<T>>) = r.input();
     let law = Law { cone: kind.cone, strength: &strength };
-    let (_, w) = r.list(Some(Motion), 6 * dim);
-    let (w, _) = w.as_chunks::<6>();
-    let (y_field, mut y) = r.list(Some(Component), dim);
+    let (_, w) = r.list(6 * dim);
+    let mut w: Vec<Spatial<_>> = w.as_chunks::<6>().0.to_vec();
+    w.iter_mut().for_each(|w| clear_dead(live, w));
+    let (y_field, mut y) = r.list(dim);
+    let twist = |r: &mut Recorded<T>| {
+        let (_, link): (_, Spatial<_>) = r.input();
+        let (_, other) = r.list(other);
+        let mut twist = other.first_chunk().map_or(link, |other| sub(&link, other));
+        clear_dead(live, &mut twist);
+        twist
+    };
     match part {
         ContactPart::Survey => {
-            let (_, twist): (_, Spatial<_>) = r.input(Some(Link));
-            let (_, reference) = r.list(Some(Component), dim);
-            let (field, [mut twice]) = r.input(None);
-            contact::survey(law, w, &twist, &reference, &mut y, &mut twice);
+            let twists = [twist(&mut r), twist(&mut r)];
+            let (cold_field, mut cold) = r.list(dim);
+            let (_, reference) = r.list(dim);
+            let (field, mut line) = r.line();
+            contact::survey(law, &w, &twists, &reference, [&mut cold, &mut y], &mut line);
+            r.recording.output(cold_field, &cold);
             r.recording.output(y_field, &y);
-            r.recording.output(field, &[twice]);
+            r.recording.output(field, &line.0);
         }
         ContactPart::Approach => {
-            let (_, twist): (_, Spatial<_>) = r.input(Some(Link));
-            let (jp_field, mut jp) = r.list(Some(Component), dim);
-            let (edges_field, mut edges) = r.list(Some(Edge), numbers(kind));
-            let (field, [mut same]) = r.input(None);
-            contact::approach(law, w, &twist, &y, &mut jp, &mut edges, &mut same);
+            let twist = twist(&mut r);
+            let (jp_field, mut jp) = r.list(dim);
+            let (edges_field, mut edges) = r.list(numbers(kind));
+            let (field, mut line) = r.line();
+            contact::approach(law, &w, &twist, &y, &mut jp, &mut edges, &mut line);
             r.recording.output(jp_field, &jp);
             r.recording.output(edges_field, &edges);
-            r.recording.output(field, &[same]);
+            r.recording.output(field, &line.0);
         }
         ContactPart::Act => {
-            let (_, [step]) = r.input(None);
-            let (_, jp) = r.list(Some(Component), dim);
-            let (force_field, mut force) = r.list(Some(Component), dim);
-            let (field, mut wrench): (_, Spatial<_>) = r.input(Some(Link));
+            let (_, line) = r.line();
+            let (_, jp) = r.list(dim);
+            let (force_field, mut force) = r.list(dim);
+            let (field, link): (_, Spatial<_>) = r.input();
+            let (other_field, others) = r.list(other);
             let open = r.recording.mask_input();
-            contact::act(law, w, step, open, &jp, &mut y, &mut force, &mut wrench);
+            let mut wrench = link;
+            let mut other: Option<Spatial<_>> = others.first_chunk().copied();
+            contact::act(law, &w, line.step(), open, &jp, &mut y, &mut force, &mut wrench, other.as_mut());
+            keep_dead(live, &mut wrench, &link);
             r.recording.output(y_field, &y);
             r.recording.output(force_field, &force);
             r.recording.output(field, &wrench);
+            if let (Some(other), Some(before)) = (&mut other, others.first_chunk()) {
+                keep_dead(live, other, before);
+                r.recording.output(other_field, other);
+            }
         }
         ContactPart::Stiffen => {
-            let (field, mut stiffness): (_, Sym6<_>) = r.input(Some(Stiffness));
-            contact::stiffen(law, w, &y, &mut stiffness);
+            let (field, before): (_, Sym6<_>) = r.input();
+            let mut stiffness = before;
+            contact::stiffen(law, &w, &y, &mut stiffness);
+            for (entry, before) in before.iter().enumerate() {
+                if Field::Stiffness.is_dead(entry, live) {
+                    stiffness[entry] = *before;
+                }
+            }
             r.recording.output(field, &stiffness);
         }
+        ContactPart::Slope | ContactPart::Choose => {}
     }
-    (r.recording.finish(), r.columns)
+    r.recording.finish()
 }
 
 /// Numbers that the line search has of a contact.
@@ -191,84 +346,4 @@ fn numbers(kind: Kind) -> usize {
         Cone::Pyramid => 2 * (kind.dim as usize - 1) * EDGE,
         Cone::Ellipse => ELLIPSE,
     }
-}
-
-fn lent<'a, T: Float>(constraint: &'a Constraint<T::Block>) -> [FieldSlice<'a, T>; 2] {
-    let strengths = FieldSlice::read(constraint.strengths.as_flattened());
-    [strengths, FieldSlice::read(constraint.motion.as_flattened())]
-}
-
-/// Runs the code of [`ContactPart::Survey`].
-pub fn survey<T: Float>(
-    fragment: &Fragment<T>,
-    scratch: &mut Scratch,
-    constraint: &Constraint<T::Block>,
-    windows: Run<'_>,
-    twist: &[[T::Block; 6]],
-    y: &mut [T::Block],
-    twice: &mut [T::Block; 1],
-) {
-    let [strengths, motion] = lent(constraint);
-    let (twist, reference) = (FieldSlice::read(twist.as_flattened()), FieldSlice::read(&constraint.reference));
-    let mut fields = [strengths, motion, FieldSlice::write(y), twist, reference, FieldSlice::write(twice)];
-    fragment.run_each(scratch, &mut fields, &[], windows);
-}
-
-/// Runs the code of [`ContactPart::Approach`].
-#[allow(clippy::too_many_arguments)] // all that contacts have
-pub fn approach<T: Float>(
-    fragment: &Fragment<T>,
-    scratch: &mut Scratch,
-    constraint: &Constraint<T::Block>,
-    (cone, windows): (Cone, Run<'_>),
-    twist: &[[T::Block; 6]],
-    y: &[T::Block],
-    jp: &mut [T::Block],
-    edges: &mut Edges<T::Block>,
-) {
-    let [strengths, motion] = lent(constraint);
-    let list = match cone {
-        Cone::Ray | Cone::Pyramid => edges.contacts.as_flattened_mut(),
-        Cone::Ellipse => edges.ellipses.as_flattened_mut(),
-    };
-    let (twist, y, jp) = (FieldSlice::read(twist.as_flattened()), FieldSlice::read(y), FieldSlice::write(jp));
-    let (list, same) = (FieldSlice::write(list), FieldSlice::write(&mut edges.same));
-    let mut fields = [strengths, motion, y, twist, jp, list, same];
-    fragment.run_each(scratch, &mut fields, &[], windows);
-}
-
-/// Runs the code of [`ContactPart::Act`].
-#[allow(clippy::too_many_arguments)] // all that contacts have
-pub fn act<T: Float>(
-    fragment: &Fragment<T>,
-    scratch: &mut Scratch,
-    constraint: &Constraint<T::Block>,
-    windows: Run<'_>,
-    (step, open): (T::Block, u32),
-    jp: &[T::Block],
-    y: &mut [T::Block],
-    force: &mut [T::Block],
-    wrench: &mut [[T::Block; 6]],
-) {
-    let [strengths, motion] = lent(constraint);
-    let step = [step];
-    let (step, jp, y) = (FieldSlice::read(&step), FieldSlice::read(jp), FieldSlice::write(y));
-    let (force, wrench) = (FieldSlice::write(force), FieldSlice::write(wrench.as_flattened_mut()));
-    let mut fields = [strengths, motion, y, step, jp, force, wrench];
-    fragment.run_each(scratch, &mut fields, &[open], windows);
-}
-
-/// Runs the code of [`ContactPart::Stiffen`].
-pub fn stiffen<T: Float>(
-    fragment: &Fragment<T>,
-    scratch: &mut Scratch,
-    constraint: &Constraint<T::Block>,
-    windows: Run<'_>,
-    y: &[T::Block],
-    stiffness: &mut [[T::Block; 21]],
-) {
-    let [strengths, motion] = lent(constraint);
-    let stiffness = FieldSlice::write(stiffness.as_flattened_mut());
-    let mut fields = [strengths, motion, FieldSlice::read(y), stiffness];
-    fragment.run_each(scratch, &mut fields, &[], windows);
 }

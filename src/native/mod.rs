@@ -4,23 +4,37 @@
 //! straight-line code would be too large stay with the kernels.
 
 mod contacts;
+mod fields;
+mod pairs;
 mod parts;
+mod patterns;
+mod rounds;
+mod rows;
+mod solver;
+mod structure;
 
+use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
 use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch};
-use lanesim_kernels::code::Code;
-use lanesim_kernels::constraint::Constraint;
-use lanesim_kernels::model::Model as Tables;
+use lanesim_kernels::code::{Code, ContactPart, SolverPart};
+use lanesim_kernels::collision::{Collision, Found as FoundContact, Near};
+use lanesim_kernels::constraint::{self, Constraint, ContactRow, DofRow, Kind, Motion, all_dof_rows};
+use lanesim_kernels::model::{Model as Tables, Pair, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::solver::contact::{Contacts, Kind};
-use lanesim_kernels::solver::edges::Edges;
-use lanesim_kernels::solver::{Problem, Solver};
+use lanesim_kernels::position::Position;
+use lanesim_kernels::solver::contact::Contacts;
+use lanesim_kernels::solver::{Problem, Rounds, SolverWork};
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::workspace::Workspace;
 
-use contacts::{ContactCode, ContactPart, Places};
-use parts::{SmoothKind, SolverPart};
+use contacts::{ContactCode, Places};
+use pairs::{NarrowCode, NearCode};
+use parts::SmoothKind;
+use patterns::{Found, Patterns};
+use rounds::Bound;
+use rows::{RowCode, RowPlaces};
+use structure::Structure;
 
 /// Operations beyond which a part stays with the kernels: its code would not stay in a core's cache.
 const MOST_OPERATIONS: usize = 60_000;
@@ -37,14 +51,25 @@ pub(crate) struct ModelCode<T: Float> {
     /// By [`SmoothKind`]: with forces from outside, and for readers of fields.
     smooth: [[Part<T>; 2]; 2],
     euler: Part<T>,
-    motion: Part<T>,
-    curve: Part<T>,
-    /// With the inertia matrix's pattern, and the filled one.
-    descend: [Part<T>; 2],
-    /// The same.
-    polish: [Part<T>; 2],
-    gather: Part<T>,
+    joints: Part<T>,
+    /// All rows on joints that the model can have.
+    dof_rows: Vec<DofRow>,
+    structure: OnceLock<Structure<T>>,
+    /// In the order of [`solver::ALL`].
+    solver: [Part<T>; solver::ALL.len()],
+    /// By pair; of pairs between the same links with contacts of the same kind that of the first.
+    couple: Vec<Part<T>>,
+    /// Numbers of contacts both sides of which move, likewise.
+    both_sides: Vec<Part<T>>,
+    /// That first pair of each.
+    first_pair: Vec<u32>,
     contacts: ContactCode<T>,
+    patterns: Patterns<T>,
+    /// Whether all parts of Newton's iteration have code.
+    rounds: OnceLock<bool>,
+    near: OnceLock<NearCode<T>>,
+    narrow: OnceLock<NarrowCode<T>>,
+    rows: OnceLock<RowCode<T>>,
 }
 
 impl<T: Float> ModelCode<T> {
@@ -60,15 +85,22 @@ impl<T: Float> ModelCode<T> {
             isa,
             smooth: Default::default(),
             euler: Part::new(),
-            motion: Part::new(),
-            curve: Part::new(),
-            descend: Default::default(),
-            polish: Default::default(),
-            gather: Part::new(),
+            joints: Part::new(),
+            dof_rows: all_dof_rows(tables).collect(),
+            structure: OnceLock::new(),
+            solver: Default::default(),
+            couple: tables.pairs.iter().map(|_| Part::new()).collect(),
+            both_sides: tables.pairs.iter().map(|_| Part::new()).collect(),
+            first_pair: first_pairs(tables),
             contacts: ContactCode::default(),
+            patterns: Patterns::new(tables),
+            rounds: OnceLock::new(),
+            near: OnceLock::new(),
+            narrow: OnceLock::new(),
+            rows: OnceLock::new(),
         };
         // Whether the system lets new code run shows at the first piece.
-        let euler = parts::euler(tables).compile(isa)?;
+        let euler = parts::euler(tables).compile(isa)?.named("euler");
         code.euler.get_or_init(|| Some(euler));
         Ok(code)
     }
@@ -80,36 +112,91 @@ impl<T: Float> ModelCode<T> {
 
     fn get<'a>(
         &self,
+        name: &str,
         part: &'a Part<T>,
         operations: impl FnOnce(&Tables<T>) -> usize,
         record: impl FnOnce(&Tables<T>) -> Program<T>,
     ) -> Option<&'a Fragment<T>> {
         part.get_or_init(|| {
             let small = operations(&self.tables) <= MOST_OPERATIONS;
-            if small { record(&self.tables).compile(self.isa).ok() } else { None }
+            if small { record(&self.tables).compile(self.isa).ok().map(|code| code.named(name)) } else { None }
         })
         .as_ref()
     }
 
     fn smooth(&self, kind: SmoothKind) -> Option<&Fragment<T>> {
         let part = &self.smooth[usize::from(kind.applied)][usize::from(kind.keep)];
-        let operations = |tables: &_| PER_LINK * self.tables.sizes.nlink + parts::work_of_factor(tables, false);
-        self.get(part, operations, |tables| parts::smooth(tables, kind))
+        let operations = |tables: &_| PER_LINK * self.tables.sizes.nlink + solver::work_of_factor(tables, false);
+        self.get("smooth", part, operations, |tables| parts::smooth(tables, kind))
     }
 
+    fn joints(&self) -> Option<&Fragment<T>> {
+        self.get("joints", &self.joints, |tables| 60 * tables.limits.len(), parts::joints)
+    }
+
+    fn structure(&self) -> &Structure<T> {
+        self.structure.get_or_init(|| Structure::new(&self.tables))
+    }
+
+    #[inline]
     fn solver(&self, part: SolverPart) -> Option<&Fragment<T>> {
-        let place = match part {
-            SolverPart::Motion => &self.motion,
-            SolverPart::Curve => &self.curve,
-            SolverPart::Descend { filled } => &self.descend[usize::from(filled)],
-            SolverPart::Polish { filled } => &self.polish[usize::from(filled)],
-            SolverPart::Gather => &self.gather,
-        };
-        self.get(place, |tables| part.operations(tables), |tables| parts::solver(tables, part))
+        let number = solver::number(part);
+        let record = |tables: &Tables<T>| solver::record(tables, self.structure(), part);
+        self.get(solver::NAMES[number], &self.solver[number], |tables| solver::operations(part, tables), record)
+    }
+
+    fn couple(&self, pair: u32) -> Option<&Fragment<T>> {
+        let first = self.first_pair[pair as usize] as usize;
+        let operations = |tables: &Tables<T>| tables.sizes.nm;
+        self.get("couple", &self.couple[first], operations, |tables| solver::couple(tables, &tables.pairs[first]))
+    }
+
+    fn both_sides(&self, pair: u32) -> Option<&Fragment<T>> {
+        let first = self.first_pair[pair as usize] as usize;
+        let operations = |tables: &Tables<T>| rows::operations_of_both(&tables.pairs[first]);
+        let record = |tables: &Tables<T>| rows::record_both(tables, self.structure(), &tables.pairs[first]);
+        self.get("rows", &self.both_sides[first], operations, record)
+    }
+
+    fn rows(&self) -> &RowCode<T> {
+        self.rows.get_or_init(|| RowCode::new(&self.tables))
     }
 
     fn contact(&self, part: ContactPart, kind: Kind) -> Option<&Fragment<T>> {
-        self.contacts.get(part, kind, self.isa)
+        self.contacts.get(part, kind, self.structure().live, self.isa)
+    }
+
+    /// Whether pairs are both links, and whether some join branches.
+    fn joins(&self) -> (bool, bool) {
+        let pairs = &self.tables.pairs;
+        (pairs.iter().any(|pair| pair.sides != Sides::One), pairs.iter().any(|pair| pair.cross))
+    }
+
+    /// Whether all parts of Newton's iteration have code, but for those of single pairs.
+    fn has_rounds(&self) -> bool {
+        *self.rounds.get_or_init(|| {
+            let (both, joins) = self.joins();
+            let mut parts = solver::ALL.into_iter().filter(|part| solver::wanted(*part, true, both, joins));
+            let of_kind = |kind: &Kind| {
+                let mut parts = contacts::ALL.into_iter().filter(|(part, _)| contacts::applies(*part, *kind));
+                parts.all(|(part, _)| self.contact(part, *kind).is_some())
+            };
+            parts.all(|part| self.solver(part).is_some()) && constraint::kinds(&self.tables).iter().all(of_kind)
+        })
+    }
+
+    /// Whether the factor on a filled pattern has code.
+    fn has_pattern(&self, place: usize) -> bool {
+        let parts = [SolverPart::Descend { filled: true }, SolverPart::Polish { filled: true }];
+        parts.into_iter().all(|part| self.patterns.get(self, place, part).is_some())
+    }
+
+    fn near(&self) -> &NearCode<T> {
+        self.near.get_or_init(|| NearCode::new(&self.tables, self.isa))
+    }
+
+    fn narrow(&self) -> &NarrowCode<T> {
+        self.narrow.get_or_init(|| NarrowCode::new(&self.tables))
     }
 
     /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.
@@ -118,28 +205,37 @@ impl<T: Float> ModelCode<T> {
             ("smooth".to_owned(), self.smooth(SmoothKind { applied: false, keep: false })),
             ("euler".to_owned(), self.euler.get().and_then(Option::as_ref)),
         ];
+        all.extend(
+            self.near().groups.iter().enumerate().map(|(g, group)| (format!("near {g}"), Some(&group.fragment))),
+        );
+        all.extend(self.narrow().parts(self.isa));
         let solver = self.tables.options.solver;
         if !self.tables.constrained() || solver == options::Solver::Pgs {
             return all;
         }
         let newton = solver == options::Solver::Newton;
-        let joins = self.tables.pairs.iter().any(|pair| pair.cross);
-        let parts = [
-            ("motion", SolverPart::Motion, true),
-            ("gather", SolverPart::Gather, true),
-            ("curve", SolverPart::Curve, newton),
-            ("descend", SolverPart::Descend { filled: false }, newton),
-            ("descend filled", SolverPart::Descend { filled: true }, newton && joins),
-        ];
-        let wanted = parts.into_iter().filter(|(.., wanted)| *wanted);
-        all.extend(wanted.map(|(name, part, _)| (format!("solver.{name}"), self.solver(part))));
-        for kind in contacts::kinds(&self.tables) {
-            for (part, name) in ContactPart::ALL {
-                all.push((format!("contact.{name} {:?} {}", kind.cone, kind.dim), self.contact(part, kind)));
+        let (both, joins) = self.joins();
+        all.push(("joints".to_owned(), self.joints()));
+        all.extend(self.rows().parts((&self.tables, self.structure().live, self.isa)));
+        for part in solver::ALL.into_iter().filter(|part| solver::wanted(*part, newton, both, joins)) {
+            all.push((format!("solver.{}", solver::NAMES[solver::number(part)]), self.solver(part)));
+        }
+        for kind in constraint::kinds(&self.tables) {
+            for (part, name) in contacts::ALL.into_iter().filter(|(part, _)| contacts::applies(*part, kind)) {
+                let Kind { sides, cone, dim } = kind;
+                all.push((format!("contact.{name} {sides:?} {cone:?} {dim}"), self.contact(part, kind)));
             }
         }
         all
     }
+}
+
+/// For every pair the first one between the same links with contacts of the same kind and law of impedance.
+fn first_pairs<T>(tables: &Tables<T>) -> Vec<u32> {
+    let mut first = HashMap::new();
+    let impedance = |pair: &Pair<T>| (pair.impedance.flat, pair.impedance.small_power);
+    let keys = tables.pairs.iter().map(|pair| (pair.link1, pair.link2, pair.condim, impedance(pair)));
+    keys.zip(0..).map(|(key, pair)| *first.entry(key).or_insert(pair)).collect()
 }
 
 /// The code of a model for one number type, by instruction set, made at first use.
@@ -172,42 +268,24 @@ pub(crate) struct Native<T: Float> {
     scratch: Scratch,
     /// Of the contacts of the present solve.
     places: Places,
+    /// Patterns that contacts have filled in.
+    filled: Found,
+    /// Of contacts while their numbers are written.
+    row_places: RowPlaces,
+    /// Masks that the bounding tests return.
+    words: Vec<u32>,
+    /// Where capsules are parallel, as 1 and 0.
+    parallel: Vec<T::Block>,
 }
 
 impl<T: Float> Native<T> {
     pub fn new(code: Arc<ModelCode<T>>) -> Self {
         let most = code.tables.capacity().contacts;
-        Native { code, scratch: Scratch::new(), places: Places::with_capacity(most, most) }
-    }
-
-    /// Inlined, so that the fields of a part are known where it is run.
-    #[inline(always)]
-    fn solver(
-        &mut self,
-        part: SolverPart,
-        problem: &Problem<'_, T::Block>,
-        solver: &mut Solver<T::Block>,
-        masks_in: &[u32],
-        masks_out: &mut [u32],
-    ) -> bool {
-        let Some(fragment) = self.code.solver(part) else { return false };
-        let ([a, b, c, d, e, f, g, h, i], _) = part.fields(solver);
-        let mut fields = [
-            FieldSlice::read(problem.position.cdof.as_flattened()),
-            FieldSlice::read(&problem.inertia.m),
-            FieldSlice::read(&problem.acceleration.qfrc_smooth),
-            FieldSlice::write(a),
-            FieldSlice::write(b),
-            FieldSlice::write(c),
-            FieldSlice::write(d),
-            FieldSlice::write(e),
-            FieldSlice::write(f),
-            FieldSlice::write(g),
-            FieldSlice::write(h),
-            FieldSlice::write(i),
-        ];
-        fragment.run(&mut self.scratch, &mut fields, masks_in, masks_out);
-        true
+        let places = Places::with_capacity(most, constraint::kinds(&code.tables).len());
+        let filled = Found::new(&code.tables);
+        let row_places = RowPlaces::with_capacity(most, most);
+        let (words, parallel) = (Vec::new(), Vec::new());
+        Native { code, scratch: Scratch::new(), places, filled, row_places, words, parallel }
     }
 }
 
@@ -240,6 +318,19 @@ impl<L: Block> Code<L> for Native<L::Float> {
         Some(masks)
     }
 
+    fn groups(&self) -> usize {
+        self.code.near().groups.len()
+    }
+
+    fn near(&mut self, group: usize, position: &Position<L>, alive: u32, near: &mut [u32], gaps: &mut [L; 2]) -> bool {
+        self.code.near().groups[group].run(&mut self.scratch, &mut self.words, position, alive, near, gaps)
+    }
+
+    fn narrow(&mut self, position: &Position<L>, near: &[Near], found: &mut [FoundContact<L>]) -> bool {
+        let code = self.code.narrow();
+        code.run(self.code.isa, &mut self.scratch, &mut self.parallel, position, near, found)
+    }
+
     fn euler(&mut self, state: &State<L>, ws: &mut Workspace<L>) -> bool {
         let Some(fragment) = self.code.euler.get().and_then(Option::as_ref) else { return false };
         let solver = &ws.solver.fields;
@@ -259,85 +350,110 @@ impl<L: Block> Code<L> for Native<L::Float> {
         true
     }
 
-    fn motion(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Motion, problem, solver, &[], &mut [])
+    fn dof_rows(&mut self, state: &State<L>, constraint: &mut Constraint<L>) -> bool {
+        let code = &self.code;
+        if code.tables.options.solver == options::Solver::Pgs {
+            return false;
+        }
+        let Some(fragment) = code.joints() else { return false };
+        if constraint.dof_rows.len() != code.dof_rows.len() {
+            constraint.dof_rows.clone_from(&code.dof_rows);
+            constraint.dof_lanes.resize(code.dof_rows.len(), [L::zero(); 6]);
+        }
+        let mut fields = [
+            FieldSlice::read(&state.qpos),
+            FieldSlice::read(&state.qvel),
+            FieldSlice::write(constraint.dof_lanes.as_flattened_mut()),
+        ];
+        let mut act = [0];
+        fragment.run(&mut self.scratch, &mut fields, &[], &mut act);
+        constraint.joint_lanes = act[0];
+        true
     }
 
-    fn curve(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Curve, problem, solver, &[], &mut [])
+    fn still_sides(&mut self, motion: Motion<'_, L>, collision: &Collision<L>, constraint: &mut Constraint<L>) -> bool {
+        let Native { code, scratch, row_places, .. } = self;
+        let how = (&*code.tables, code.structure().live, code.isa);
+        code.rows().still_sides(how, (scratch, row_places), motion, collision, constraint)
     }
 
-    fn descend(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Descend { filled: problem.constraint.cross }, problem, solver, &[], &mut [])
-    }
-
-    fn polish(&mut self, problem: &Problem<'_, L>, solver: &mut Solver<L>) -> bool {
-        self.solver(SolverPart::Polish { filled: problem.constraint.cross }, problem, solver, &[], &mut [])
-    }
-
-    fn gather(&mut self, problem: &Problem<'_, L>, open: u32, solver: &mut Solver<L>) -> Option<[u32; 2]> {
-        let mut arrived = [0; 2];
-        self.solver(SolverPart::Gather, problem, solver, &[open], &mut arrived).then_some(arrived)
+    fn both_sides(
+        &mut self,
+        motion: Motion<'_, L>,
+        collision: &Collision<L>,
+        row: &ContactRow,
+        constraint: &mut Constraint<L>,
+    ) -> bool {
+        let code = &self.code;
+        let Some(fragment) = code.both_sides(row.pair) else { return false };
+        let dofs = code.tables.pairs[row.pair as usize].dofs.len as usize;
+        code.rows().both_sides(fragment, &mut self.scratch, motion, collision, (row, dofs), constraint);
+        true
     }
 
     fn contacts(&mut self, constraint: &Constraint<L>) {
-        contacts::place(constraint, &mut self.places);
+        self.places.place(constraint);
     }
 
-    fn survey(
+    fn solver(
         &mut self,
-        constraint: &Constraint<L>,
-        list: Contacts<'_>,
-        twist: &[[L; 6]],
-        y: &mut [L],
-        twice: &mut [L; 1],
-    ) -> bool {
-        let Some(fragment) = self.code.contact(ContactPart::Survey, list.kind) else { return false };
-        let windows = contacts::windows(&self.places, list);
-        contacts::survey(fragment, &mut self.scratch, constraint, windows, twist, y, twice);
-        true
-    }
-
-    fn approach(
-        &mut self,
-        constraint: &Constraint<L>,
-        list: Contacts<'_>,
-        twist: &[[L; 6]],
-        y: &[L],
-        jp: &mut [L],
-        edges: &mut Edges<L>,
-    ) -> bool {
-        let Some(fragment) = self.code.contact(ContactPart::Approach, list.kind) else { return false };
-        let windows = (list.kind.cone, contacts::windows(&self.places, list));
-        contacts::approach(fragment, &mut self.scratch, constraint, windows, twist, y, jp, edges);
-        true
-    }
-
-    fn act(
-        &mut self,
-        constraint: &Constraint<L>,
-        list: Contacts<'_>,
-        step: L,
+        part: SolverPart,
+        problem: &Problem<'_, L>,
+        warmstart: &[L],
         open: u32,
-        jp: &[L],
-        y: &mut [L],
-        force: &mut [L],
-        wrench: &mut [[L; 6]],
+        work: &mut SolverWork<L>,
+    ) -> Option<[u32; 2]> {
+        let fragment = self.code.solver(part)?;
+        let (names, _) = solver::fields(part);
+        let table = fields::table(problem, warmstart, work);
+        let mut fields: [_; solver::MOST_FIELDS] = fields::pick(&table, names.iter().copied());
+        let (mut masks, (given, returned)) = ([0; 2], solver::masks(part));
+        fragment.run(&mut self.scratch, &mut fields[..names.len()], &[open][..given], &mut masks[..returned]);
+        Some(masks)
+    }
+
+    fn contact(
+        &mut self,
+        part: ContactPart,
+        contacts: Contacts<'_>,
+        problem: &Problem<'_, L>,
+        open: u32,
+        work: &mut SolverWork<L>,
     ) -> bool {
-        let Some(fragment) = self.code.contact(ContactPart::Act, list.kind) else { return false };
-        let windows = contacts::windows(&self.places, list);
-        contacts::act(fragment, &mut self.scratch, constraint, windows, (step, open), jp, y, force, wrench);
+        let Some(fragment) = self.code.contact(part, contacts.kind) else { return false };
+        let names = contacts::fields(part, contacts.kind.cone);
+        let table = fields::table(problem, &[], work);
+        let mut fields: [_; contacts::MOST_FIELDS] = fields::pick(&table, names.iter().map(|(name, _)| *name));
+        let windows = self.places.all(contacts.number);
+        fragment.run_each(&mut self.scratch, &mut fields[..names.len()], &[open][..contacts::masks(part)], windows);
         true
     }
 
-    fn stiffen(&mut self, constraint: &Constraint<L>, list: Contacts<'_>, y: &[L], stiffness: &mut [[L; 21]]) -> bool {
-        let Some(fragment) = self.code.contact(ContactPart::Stiffen, list.kind) else { return false };
-        let windows = contacts::windows(&self.places, list);
-        contacts::stiffen(fragment, &mut self.scratch, constraint, windows, y, stiffness);
+    fn couple(&mut self, problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) -> bool {
+        let Some(fragment) = self.code.couple(row.pair) else { return false };
+        let constraint = problem.constraint;
+        let dofs = self.code.tables.pairs[row.pair as usize].dofs.len as usize;
+        let mut fields = [
+            FieldSlice::read(&constraint.strengths[row.strength as usize]),
+            FieldSlice::read(constraint.jacobian_of(row, dofs)),
+            FieldSlice::read(&work.y.component[row.components()]),
+            FieldSlice::write(&mut work.fields.hessian),
+        ];
+        fragment.run(&mut self.scratch, &mut fields, &[], &mut []);
         true
     }
 
-    fn every_link(&self) -> bool {
+    fn rounds(
+        &mut self,
+        problem: &Problem<'_, L>,
+        warmstart: &[L],
+        work: &mut SolverWork<L>,
+        run: &mut dyn FnMut(&mut dyn Rounds<L>),
+    ) -> bool {
+        let Native { code, scratch, places, filled, .. } = self;
+        let lent = (scratch, places, filled);
+        let Some(mut rounds) = Bound::new(code, lent, problem, warmstart, work) else { return false };
+        run(&mut rounds);
         true
     }
 }

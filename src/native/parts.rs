@@ -4,16 +4,15 @@ use lanesim_codegen::{Float, Program, Recorder, Recording};
 use lanesim_kernels::acceleration::Acceleration;
 use lanesim_kernels::actuation::Actuation;
 use lanesim_kernels::collision::Colliders;
-use lanesim_kernels::constraint::Constraint;
+use lanesim_kernels::constraint::{self, Constraint};
 use lanesim_kernels::inertia::Inertia;
 use lanesim_kernels::integration::{self, Integration};
 use lanesim_kernels::lane::Lane;
-use lanesim_kernels::model::{Model, Pattern};
+use lanesim_kernels::model::Model;
 use lanesim_kernels::options;
 use lanesim_kernels::passive::Passive;
 use lanesim_kernels::pipeline::{self, Smooth};
 use lanesim_kernels::position::Position;
-use lanesim_kernels::solver::{self, Arrival, Problem, Solver};
 use lanesim_kernels::stage::Stage;
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::velocity::Velocity;
@@ -25,56 +24,6 @@ pub struct SmoothKind {
     pub keep: bool,
 }
 
-/// Part of the solver, on its fields.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SolverPart {
-    Motion,
-    Curve,
-    /// With the inertia matrix's pattern, or with all that contacts between branches may fill in.
-    Descend {
-        filled: bool,
-    },
-    /// The direction from the factor at hand.
-    Polish {
-        filled: bool,
-    },
-    Gather,
-}
-
-/// Most fields of the solver that a part works on.
-pub const SOLVER_FIELDS: usize = 9;
-
-impl SolverPart {
-    /// The solver's fields that it works on, and how many of the first of them it changes.
-    #[inline(always)]
-    pub fn fields<L: Lane>(self, solver: &mut Solver<L>) -> ([&mut [L]; SOLVER_FIELDS], usize) {
-        let Solver { search, msearch, along, step, hessian, inverse, gradient, qfrc_constraint, qacc, ma, .. } = solver;
-        let twist = solver.twist.as_flattened_mut();
-        let (stiffness, wrench) = (solver.stiffness.as_flattened_mut(), solver.wrench.as_flattened_mut());
-        let no = || -> &mut [L] { &mut [] };
-        match self {
-            SolverPart::Motion => ([msearch, along, twist, search, ma, gradient, no(), no(), no()], 3),
-            SolverPart::Curve => ([hessian, stiffness, no(), no(), no(), no(), no(), no(), no()], 1),
-            SolverPart::Descend { .. } => ([search, msearch, along, twist, hessian, inverse, gradient, ma, no()], 6),
-            SolverPart::Polish { .. } => ([search, msearch, along, twist, hessian, inverse, gradient, ma, no()], 4),
-            SolverPart::Gather => ([qfrc_constraint, gradient, qacc, ma, wrench, search, msearch, along, step], 4),
-        }
-    }
-}
-
-impl SolverPart {
-    /// Multiplications, about: what decides whether straight-line code is small enough.
-    pub fn operations<T>(self, model: &Model<T>) -> usize {
-        match self {
-            SolverPart::Motion => model.sizes.nm,
-            SolverPart::Curve => 8 * model.sizes.nm,
-            SolverPart::Descend { filled } => work_of_factor(model, filled),
-            SolverPart::Polish { .. } => 2 * model.sizes.nm,
-            SolverPart::Gather => 12 * model.sizes.nv,
-        }
-    }
-}
-
 /// Fields of the smooth stages that the code writes: all, or those that later parts of a step read.
 pub fn smooth_fields<'a, L: Lane, T>(
     model: &Model<T>,
@@ -83,7 +32,8 @@ pub fn smooth_fields<'a, L: Lane, T>(
     f: &mut dyn FnMut(&'a mut [L]),
 ) {
     let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
-    f(colliders.pos.as_flattened_mut());
+    f(&mut colliders.qpos);
+    f(colliders.origin.as_flattened_mut());
     f(&mut colliders.way);
     if keep {
         position.for_each(&mut |field| f(field.data));
@@ -110,22 +60,28 @@ pub fn smooth_fields<'a, L: Lane, T>(
 }
 
 /// A recording, and the number of its next field.
-struct Binder<T: Float> {
-    recording: Recording<T>,
-    next: usize,
+pub struct Binder<T: Float> {
+    pub recording: Recording<T>,
+    pub next: usize,
 }
 
 impl<T: Float> Binder<T> {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Binder { recording: Recording::new(), next: 0 }
     }
 
     /// Makes the lanes those of the next field; returns its number.
-    fn input(&mut self, lanes: &mut [Recorder<T>]) -> usize {
+    pub fn input(&mut self, lanes: &mut [Recorder<T>]) -> usize {
         let field = self.next;
         lanes.copy_from_slice(&self.recording.input(field, lanes.len()));
         self.next += 1;
         field
+    }
+
+    /// Makes the lanes what the next field, which is only written, shall hold.
+    pub fn output(&mut self, lanes: &[Recorder<T>]) {
+        self.recording.output(self.next, lanes);
+        self.next += 1;
     }
 }
 
@@ -196,58 +152,17 @@ pub fn euler<T: Float>(model: &Model<T>) -> Program<T> {
     binder.recording.finish()
 }
 
-/// Fields: dof axes, M, smooth force; those of [`SolverPart::fields`]. Masks of `Gather`: open; converged, still.
-pub fn solver<T: Float>(model: &Model<T>, part: SolverPart) -> Program<T> {
+/// Fields: qpos, qvel; numbers of all rows on joints. Masks: worlds in which some of them acts.
+pub fn joints<T: Float>(model: &Model<T>) -> Program<T> {
     let mut binder = Binder::new();
-    let mut position = Position::<Recorder<T>>::new(&model.sizes);
-    let mut inertia = Inertia::new(&model.sizes);
-    let mut acceleration = Acceleration::new(&model.sizes);
-    binder.input(position.cdof.as_flattened_mut());
-    binder.input(&mut inertia.m);
-    binder.input(&mut acceleration.qfrc_smooth);
-    let constraint = Constraint::new(model);
-    let problem =
-        Problem { model, position: &position, inertia: &inertia, acceleration: &acceleration, constraint: &constraint };
-    let mut work = Solver::new(&Stage::Solver.sizes(model));
-    let first = binder.next;
-    for lanes in part.fields(&mut work).0 {
-        binder.input(lanes);
-    }
-    let every = vec![true; model.sizes.nlink];
-    match part {
-        SolverPart::Motion => solver::motion(&problem, &mut work),
-        SolverPart::Curve => solver::curve(&problem, &every, &mut work),
-        SolverPart::Descend { filled } => {
-            let pattern = pattern(model, filled);
-            solver::descend(&problem, &pattern, &mut work);
-        }
-        SolverPart::Polish { filled } => {
-            let pattern = pattern(model, filled);
-            solver::polish(&problem, &pattern, &mut work);
-        }
-        SolverPart::Gather => {
-            let open = binder.recording.mask_input();
-            let Arrival { converged, still } = solver::gather(&problem, &every, open, &mut work);
-            binder.recording.mask_output(converged);
-            binder.recording.mask_output(still);
-        }
-    }
-    let (fields, changed) = part.fields(&mut work);
-    for (i, lanes) in fields.into_iter().enumerate().take(changed) {
-        binder.recording.output(first + i, lanes);
-    }
+    let mut state = State::<Recorder<T>>::new(&model.sizes);
+    binder.input(&mut state.qpos);
+    binder.input(&mut state.qvel);
+    let mut constraint = Constraint::new(model);
+    constraint.dof_rows.extend(constraint::all_dof_rows(model));
+    constraint.dof_lanes.resize(constraint.dof_rows.len(), [Recorder::zero(); 6]);
+    let act = constraint::dof_lanes(model, &state.qpos, &state.qvel, &mut constraint);
+    binder.recording.output(binder.next, constraint.dof_lanes.as_flattened());
+    binder.recording.mask_output(act);
     binder.recording.finish()
-}
-
-/// The pattern of the Hessian.
-fn pattern<T>(model: &Model<T>, filled: bool) -> Pattern {
-    let fullest = if filled { solver::fullest_pattern(model) } else { None };
-    fullest.unwrap_or_else(|| model.tree_pattern.clone())
-}
-
-/// Multiplications in a factorisation.
-pub fn work_of_factor<T>(model: &Model<T>, filled: bool) -> usize {
-    let pattern = pattern(model, filled);
-    let entries = |i: usize| pattern.row(i).iter().map(|run| run.len as usize).sum::<usize>();
-    (0..model.sizes.nv).map(entries).map(|n| n * (n + 3) / 2).sum()
 }

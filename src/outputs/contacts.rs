@@ -1,9 +1,9 @@
 //! Contacts and constraint rows of one world, in MuJoCo's order and layout.
 
 use lanesim_kernels::collision::{origin, reference};
-use lanesim_kernels::constraint::{Cone, ContactRow, DofRow, DofRowKind, Law};
+use lanesim_kernels::constraint::{Cone, ContactRow, DofLaw, DofRowKind, Law};
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::NONE;
+use lanesim_kernels::model::{NONE, Sides};
 use lanesim_kernels::options::Solver;
 
 use super::{Kind, View, number};
@@ -35,7 +35,7 @@ struct Contact {
 
 /// Number of contacts of the world.
 pub(super) fn count<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize {
-    view.workspace.collision.contacts.iter().filter(|c| c.dist.get(lane).to_f64() < L::Real::MAXVAL).count()
+    view.workspace.collision.contacts().filter(|c| c.dist().get(lane).to_f64() < L::Real::MAXVAL).count()
 }
 
 /// Number of constraint rows of the world.
@@ -44,7 +44,7 @@ pub(super) fn count_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize
     let acts = |d: &L| d.get(lane).to_f64() > 0.0;
     let contacts =
         constraint.contact_rows.iter().filter(|row| acts(&constraint.law(row).d())).map(|row| row.rows() as usize);
-    constraint.dof_rows.iter().filter(|row| acts(&row.d)).count() + contacts.sum::<usize>()
+    constraint.dof_laws().filter(|law| acts(&law.d())).count() + contacts.sum::<usize>()
 }
 
 /// An output with one entry per contact or row.
@@ -73,14 +73,14 @@ pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) 
             [pair(c).geom1, pair(c).geom2].map(|g| f64::from(view.tables.geoms[g as usize].id)).to_vec()
         }),
         Kind::ContactDim => of_contacts(&|c| vec![f64::from(pair(c).condim)]),
-        Kind::ContactDist => of_contacts(&|c| vec![number(&collision.contacts[c.index].dist, lane)]),
+        Kind::ContactDist => of_contacts(&|c| vec![number(&collision.contact(c.index).dist(), lane)]),
         Kind::ContactPos => of_contacts(&|c| {
             let at = origin(view.tables, &view.workspace.position, reference(pair(c)));
-            let pos = &collision.contacts[c.index].pos;
+            let pos = collision.contact(c.index).pos();
             (0..3).map(|k| number(&pos[k], lane) + number(&at[k], lane)).collect()
         }),
         Kind::ContactFrame => {
-            of_contacts(&|c| collision.contacts[c.index].frame.iter().map(|x| number(x, lane)).collect())
+            of_contacts(&|c| collision.contact(c.index).frame().iter().map(|x| number(x, lane)).collect())
         }
         Kind::ContactFriction => of_contacts(&|c| pair(c).friction.map(Real::to_f64).to_vec()),
         Kind::ContactMargin => of_contacts(&|c| vec![pair(c).margin.to_f64()]),
@@ -100,9 +100,9 @@ pub(super) fn values<L: LaneQuery>(kind: Kind, view: &View<'_, L>, lane: usize) 
 
 /// The contacts that the world has.
 fn listed<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<Contact> {
-    let exists = |dist: &L| dist.get(lane).to_f64() < L::Real::MAXVAL;
-    let contacts = &view.workspace.collision.contacts;
-    (0..contacts.len()).filter(|i| exists(&contacts[*i].dist)).map(|index| Contact { index, row: None }).collect()
+    let exists = |dist: L| dist.get(lane).to_f64() < L::Real::MAXVAL;
+    let contacts = view.workspace.collision.contacts().enumerate();
+    contacts.filter(|(_, contact)| exists(contact.dist())).map(|(index, _)| Contact { index, row: None }).collect()
 }
 
 /// The rows that act in the world; notes each contact's first. Without `forces` these are zero, and nothing is read of the
@@ -110,10 +110,10 @@ fn listed<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<Contact> {
 fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact], forces: bool) -> Vec<Row> {
     let constraint = &view.workspace.constraint;
     let mut out = Vec::new();
-    for (i, row) in constraint.dof_rows.iter().enumerate() {
-        if row.d.get(lane).to_f64() > 0.0 {
+    for (i, law) in constraint.dof_laws().enumerate() {
+        if law.d().get(lane).to_f64() > 0.0 {
             let force = if forces { number(&view.workspace.solver.force.dof[i], lane) } else { 0.0 };
-            out.push(dof_row(view, lane, row, force));
+            out.push(dof_row(view, lane, law, force));
         }
     }
     let mut edge = 0;
@@ -131,15 +131,16 @@ fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact],
     out
 }
 
-fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, force: f64) -> Row {
+fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, law: DofLaw<'_, L>, force: f64) -> Row {
     let mut jacobian = vec![0.0; view.tables.sizes.nv];
-    let dof = row.dof as usize;
+    let (row, dof) = (law.row, law.row.dof as usize);
     match row.kind {
         DofRowKind::Friction | DofRowKind::Lower => jacobian[dof] = 1.0,
         DofRowKind::Upper => jacobian[dof] = -1.0,
+        DofRowKind::Limit => jacobian[dof] = number(&law.sign(), lane),
         DofRowKind::Ball => {
             for k in 0..3 {
-                jacobian[dof + k] = -number(&row.axis[k], lane);
+                jacobian[dof + k] = -number(&law.axis()[k], lane);
             }
         }
     }
@@ -153,10 +154,10 @@ fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &DofRow<L>, force
         kind,
         id,
         jacobian,
-        pos: number(&row.pos, lane) + margin,
+        pos: number(&law.pos(), lane) + margin,
         margin,
-        d: number(&row.d, lane),
-        aref: -number(&row.reference, lane),
+        d: number(&law.d(), lane),
+        aref: -number(&law.reference(), lane),
         force,
     }
 }
@@ -201,7 +202,7 @@ fn contact_rows<L: LaneQuery>(
     let law = view.workspace.constraint.law(row);
     let d = number(&law.d(), lane);
     let margin = view.tables.pairs[row.pair as usize].margin.to_f64();
-    let pos = number(&view.workspace.collision.contacts[row.contact as usize].dist, lane);
+    let pos = number(&view.workspace.collision.contact(row.contact as usize).dist(), lane);
     match row.cone {
         Cone::Ray => {
             let (kind, jacobian) = (CONTACT_FRICTIONLESS, components[0].clone());
@@ -239,7 +240,7 @@ fn component_jacobians<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &Cont
     let (first, dim) = (row.component as usize, row.dim as usize);
     let mut out = vec![vec![0.0; view.tables.sizes.nv]; dim];
     let constraint = &view.workspace.constraint;
-    if row.link == NONE {
+    if row.sides != Sides::One {
         let dofs = &view.tables.pair_dofs[view.tables.pairs[row.pair as usize].dofs.range()];
         for (n, entry) in dofs.iter().enumerate() {
             for (i, jacobian) in out.iter_mut().enumerate() {

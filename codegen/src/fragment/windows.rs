@@ -6,7 +6,7 @@ use crate::float::{BLOCK_BYTES, Float};
 use crate::isa::InstructionSet;
 use crate::layout::Columns;
 use crate::native::Arguments;
-use crate::recording::{FieldKind, Program};
+use crate::recording::Program;
 
 /// Lists of items, each of which says where windows into fields start, in `N` columns. They are filled once and used by
 /// any number of runs, by any code that was compiled for `N` columns.
@@ -29,8 +29,8 @@ struct Extent<const N: usize> {
 /// A list of [`Windows`].
 #[derive(Clone, Copy, Debug)]
 pub struct WindowsList<'a, const N: usize> {
-    offsets: &'a [[usize; N]],
-    largest: [usize; N],
+    pub(super) offsets: &'a [[usize; N]],
+    pub(super) largest: [usize; N],
 }
 
 impl<const N: usize> Windows<N> {
@@ -67,6 +67,24 @@ impl<const N: usize> Windows<N> {
         self.offsets.push(starts.map(|start| start.wrapping_mul(BLOCK_BYTES)));
     }
 
+    /// Drops the items of a list for which `keep` does not hold, by their place in it; the others move up.
+    ///
+    /// # Panics
+    ///
+    /// If there are not so many lists.
+    pub fn retain(&mut self, number: usize, mut keep: impl FnMut(usize) -> bool) {
+        let Extent { first, end, .. } = self.lists[number];
+        let mut kept = first;
+        for item in first..end {
+            if keep(item - first) {
+                self.offsets[kept] = self.offsets[item];
+                kept += 1;
+            }
+        }
+        // The largest starts bound those of fewer items.
+        self.lists[number].end = kept;
+    }
+
     /// List by number, in the order in which they were begun.
     ///
     /// # Panics
@@ -88,11 +106,11 @@ impl<const N: usize> WindowsList<'_, N> {
 
     /// Whether the field is what code wants, or has such windows up to the largest start.
     #[inline(always)]
-    fn fit<T: Float>(&self, wanted: &Wanted, field: &FieldSlice<'_, T>) -> bool {
+    pub(super) fn fit<T: Float>(&self, wanted: &Wanted, field: &FieldSlice<'_, T>) -> bool {
         match self.largest.get(wanted.column) {
             None => wanted.differs(field) == 0,
             Some(largest) => {
-                let room = field.len().checked_sub(wanted.len());
+                let room = field.len().checked_sub(wanted.len()).map(|room| room / wanted.per_start::<T>());
                 wanted.differs(field) & 3 == 0 && room.is_some_and(|room| *largest <= room)
             }
         }
@@ -107,7 +125,8 @@ impl<const N: usize> WindowsList<'_, N> {
 
 impl<T: Float> Program<T> {
     /// Compiles code that [runs](Fragment::run_each) once for every item of a list of [`Windows<N>`](Windows). `columns`
-    /// says, by field, which column of the items the field's window starts at; a field without one is the same for all.
+    /// says, by field, which column of the items the field's window starts at; a field without one is the same for all. Of
+    /// uniform numbers windows start at whole blocks: as many from each to the next as a block has worlds.
     ///
     /// # Errors
     ///
@@ -116,7 +135,7 @@ impl<T: Float> Program<T> {
     /// # Panics
     ///
     /// If the program returns masks, `columns` is of another length than its fields, or names a column that is not among
-    /// `N` or that of a uniform field.
+    /// `N`.
     pub fn compile_each<const N: usize>(
         &self,
         isa: InstructionSet,
@@ -124,10 +143,8 @@ impl<T: Float> Program<T> {
     ) -> Result<Fragment<T>, CompileError> {
         assert!(self.masks_out.is_empty(), "code that returns masks runs once");
         assert_eq!(columns.len(), self.fields.len(), "number of fields");
-        let column = |(column, field): (&Option<usize>, &crate::FieldUse)| {
-            column.inspect(|i| assert!(*i < N && field.kind == FieldKind::Lanes, "column {i} of {N} for {field:?}"))
-        };
-        let of_fields = columns.iter().zip(&self.fields).map(column).map(|column| column.map(|i| i as u32));
+        let column = |column: &Option<usize>| column.inspect(|i| assert!(*i < N, "column {i} of {N}"));
+        let of_fields = columns.iter().map(column).map(|column| column.map(|i| i as u32));
         self.compile_with(isa, Some(Columns { of_fields: of_fields.collect(), width: N }))
     }
 }

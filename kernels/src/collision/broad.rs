@@ -1,189 +1,227 @@
-//! The broad phase: which pairs are near in some world of the block.
+//! The broad phase: when pairs have to be tested again.
 //!
-//! A pair is near where its bounding spheres, or a plane (which stands still) and a bounding sphere, are within reach. A
-//! pair that is out of reach by a gap in every world needs no other test until geoms have moved so far that the gap may be
-//! closed, so far pairs are rarely looked at. Since the path of a point is at least as long as the way between its ends,
-//! this holds however worlds move, also when others take their place; a pair is never passed over while it is near.
+//! Pairs that are out of reach by a gap in every world need no other test until geoms have moved so far that the gap may be
+//! closed. Since the path of a point is at least as long as the way between its ends, this holds however worlds move, also
+//! when others take their place; a pair is never passed over while it is near.
+//!
+//! Kernels test pair by pair, each when it is due. Code tests whole groups of pairs at once, those that are near each other
+//! in the reference configuration in the first and smallest group, so that few groups are due where nothing touches.
 
-use crate::lane::{Lane, LaneQuery, Real, Scalar};
-use crate::math::vec3::{Vec3, add, column, dot, sub, zero};
-use crate::model::{Model, NONE, Pair, Shape};
+use crate::code::Code;
+use crate::lane::{LaneQuery, Mask, Real};
+use crate::model::Model;
 use crate::position::Position;
 
-use super::{Colliders, reference};
+use super::Colliders;
+use super::bound::Test;
+use super::pair::{Body, body};
 
-/// Gaps that are told apart, in units of a pair's reach.
-const GAPS: [f64; 8] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
+/// Part of a gap that ways may use up before the pair is tested again: within a tree, and in the world, where two geoms can
+/// approach from both sides. The rest is for rounding.
+const USABLE: [f64; 2] = [0.9, 0.45];
+/// Added to the way at every step, m: more than what rounding takes from a sum of ways.
+const STEP: f64 = 1e-6;
+/// The sum of ways from which on all starts anew, m.
+const LONGEST: f64 = 8.0;
 
-/// Part of a gap that geoms may close before the pair is tested again. Two geoms can approach from both sides; the rest is
-/// for rounding.
-const USABLE: f64 = 0.45;
-
-/// The bounding test of a pair.
+/// The bounding tests of pair by pair, and when each is due.
 #[derive(Clone, Debug)]
-struct Test {
-    geoms: [u32; 2],
-    /// Trees of the geoms, [`NONE`] for one that stands still, and the tree at whose origin the contacts are placed.
-    trees: [u32; 2],
-    reference: u32,
-    /// Whether the first geom is a plane.
-    plane: bool,
-    /// Distance of centres, or height above the plane, within which the pair is near.
-    reach: f64,
+struct Pairs {
+    tests: Vec<Test>,
+    /// Travel at which each pair is to be tested.
+    due: Vec<f64>,
+    /// Sum over the steps of the longest way in any world, m: within a tree, and in the world.
+    travel: [f64; 2],
+    /// The last summands.
+    way: [f64; 2],
+    /// Travel at which the next pair is to be tested.
+    next: [f64; 2],
+    /// Geoms whose pose is that of this step: what stands still, and what some pair needed.
+    placed: Vec<bool>,
+    /// Worlds that took part in the last step.
+    alive: u32,
+}
+
+/// When groups of pairs are to be tested, world by world.
+#[derive(Clone, Debug)]
+struct Groups<L> {
+    /// Travel at which each group is to be tested: by its pairs within a tree, and by others.
+    due: Vec<[L; 2]>,
+    /// Sum of the ways over the steps.
+    travel: [L; 2],
 }
 
 /// The bounding tests, and when each is due.
 #[derive(Clone, Debug)]
 pub struct Broad<L> {
-    tests: Vec<Test>,
-    /// Travel at which each pair is to be tested.
-    due: Vec<f64>,
-    /// Sum over the steps of the longest way of any geom in any world, m: relative to its tree's origin, and in the world.
-    travel: [f64; 2],
-    /// Travel at which the next pair is to be tested.
-    next: [f64; 2],
-    /// Origins of trees in the last step.
-    origin: Vec<Vec3<L>>,
-    /// Worlds that took part in the last step.
-    alive: u32,
+    pairs: Pairs,
+    groups: Groups<L>,
+    /// Worlds in which each pair is near, as bits: of pairs that were not tested, none.
+    pub near: Vec<u32>,
 }
 
 impl<L: LaneQuery> Broad<L> {
     /// The tests of the model's pairs, all due.
     pub fn new(model: &Model<L::Real>) -> Self {
-        Broad {
+        let pairs = Pairs {
             tests: model.pairs.iter().map(|pair| Test::new(model, pair)).collect(),
             due: vec![0.0; model.pairs.len()],
             travel: [0.0; 2],
+            way: [0.0; 2],
             next: [0.0; 2],
-            origin: vec![zero(); model.sizes.ntree],
+            placed: vec![false; model.geoms.len()],
             alive: 0,
+        };
+        let groups = Groups { due: Vec::new(), travel: [L::zero(); 2] };
+        Broad { pairs, groups, near: vec![0; model.pairs.len()] }
+    }
+
+    /// Takes note of how far geoms may have moved since the last step.
+    pub fn advance(&mut self, way: &[L], alive: L::Mask) {
+        if self.groups.due.is_empty() {
+            self.pairs.advance(way, alive);
+        } else {
+            self.groups.advance(way);
         }
     }
 
-    /// Takes note of how far the worlds in `alive` have moved since the last step. `relative` is the largest square of the
-    /// way of any geom relative to its tree's origin, `MAX` where it is not a number.
-    pub fn advance(&mut self, position: &Position<L>, relative: L, alive: L::Mask) {
-        let mut known = relative.lt(L::of(L::Real::MAX));
-        let mut origins = L::zero();
-        for (old, new) in self.origin.iter_mut().zip(&position.origin) {
-            let way = sub(new, old);
-            let square = dot(&way, &way);
-            known = known & square.within(L::Real::MAX);
-            origins = origins.max(square);
-            *old = *new;
+    /// Finds where pairs are near, in the worlds of `alive`. Whether any may be.
+    pub fn test(
+        &mut self,
+        model: &Model<L::Real>,
+        position: &Position<L>,
+        alive: L::Mask,
+        code: &mut dyn Code<L>,
+        colliders: &mut Colliders<L>,
+    ) -> bool {
+        let count = code.groups();
+        if count == 0 {
+            return self.pairs.test(model, position, alive, colliders, &mut self.near);
         }
+        self.groups.due.resize(count, [L::of(-L::Real::MAX); 2]);
+        let mut any = false;
+        for group in 0..count {
+            any |= self.groups.is_due(group, alive) && {
+                let mut gaps = [L::zero(); 2];
+                let near = code.near(group, position, L::bits(alive), &mut self.near, &mut gaps);
+                self.groups.postpone(group, &gaps);
+                near
+            };
+        }
+        any
+    }
+
+    /// A pair's geoms, where they are relative to its reference point.
+    #[inline(always)]
+    pub fn bodies(&self, model: &Model<L::Real>, p: usize, position: &Position<L>) -> [Body<L>; 2] {
+        let test = &self.pairs.tests[p];
+        test.frames.place(position, test.geoms.map(|g| body(model, position, g as usize)))
+    }
+}
+
+impl<L: LaneQuery> Groups<L> {
+    fn advance(&mut self, way: &[L]) {
+        let mut ends = L::Mask::splat(false);
+        for (travel, way) in self.travel.iter_mut().zip(way) {
+            *travel += *way + L::of(STEP);
+            ends = ends | !travel.lt(L::of(LONGEST));
+        }
+        if L::any(ends) {
+            // Worlds that came from nowhere, or a sum that would lose digits.
+            self.travel = [L::zero(); 2];
+            self.due.fill([L::of(-L::Real::MAX); 2]);
+        }
+    }
+
+    #[inline(always)]
+    fn is_due(&self, group: usize, alive: L::Mask) -> bool {
+        let [inner, outer] = self.due[group];
+        L::any(!(self.travel[0].lt(inner) & self.travel[1].lt(outer)) & alive)
+    }
+
+    #[inline(always)]
+    fn postpone(&mut self, group: usize, gaps: &[L; 2]) {
+        for (i, due) in self.due[group].iter_mut().enumerate() {
+            *due = gaps[i].mul_add(L::of(USABLE[i]), self.travel[i]);
+        }
+    }
+}
+
+impl Pairs {
+    fn advance<L: LaneQuery>(&mut self, way: &[L], alive: L::Mask) {
         let alive = L::bits(alive);
+        let known = way.iter().fold(L::Mask::splat(true), |known, way| known & way.lt(L::of(L::Real::MAX)));
         if alive & !(L::bits(known) & self.alive) != 0 {
             // Worlds that were not looked at before, or came from nowhere.
             self.due.fill(0.0);
             self.travel = [0.0; 2];
             self.next = [0.0; 2];
         } else {
-            let longest = |squares: L| {
+            for (i, way) in way.iter().enumerate() {
                 let lanes = (0..L::WIDTH).filter(|i| alive >> i & 1 != 0);
-                lanes.fold(0.0, |most: f64, i| most.max(squares.get(i).to_f64())).sqrt()
-            };
-            let relative = longest(relative);
-            self.travel[0] += relative;
-            self.travel[1] += relative + longest(origins);
+                self.way[i] = STEP + lanes.fold(0.0, |most: f64, i| most.max(way.get(i).to_f64()));
+                self.travel[i] += self.way[i];
+            }
         }
         self.alive = alive;
     }
 
-    /// Whether any pair has to be tested.
-    pub fn any_due(&self) -> bool {
-        self.next[0] <= self.travel[0] || self.next[1] <= self.travel[1]
-    }
-
-    /// Finds when the next pair has to be tested.
-    pub fn look_ahead(&mut self) {
+    fn test<L: LaneQuery>(
+        &mut self,
+        model: &Model<L::Real>,
+        position: &Position<L>,
+        alive: L::Mask,
+        colliders: &mut Colliders<L>,
+        near: &mut [u32],
+    ) -> bool {
+        let [inner, outer] = self.travel;
+        if self.next[0] > inner && self.next[1] > outer {
+            near.fill(0);
+            return false;
+        }
+        self.placed.fill(false);
         self.next = [f64::INFINITY; 2];
-        for (test, due) in self.tests.iter().zip(&self.due) {
-            let next = &mut self.next[test.frame()];
-            *next = next.min(*due);
+        for (p, near) in near.iter_mut().enumerate() {
+            let frame = self.tests[p].frame();
+            *near = 0;
+            if self.due[p] <= self.travel[frame] {
+                let (mask, gap) = self.test_pair(model, p, position, colliders);
+                *near = L::bits(mask & alive);
+                // A gap that another step like the last may close is not worth knowing.
+                let narrow = gap.le(L::of(self.way[frame] / USABLE[frame]));
+                let gap = if L::any((narrow | mask) & alive) { 0.0 } else { smallest(gap, self.alive) };
+                self.due[p] = self.travel[frame] + USABLE[frame] * gap;
+            }
+            self.next[frame] = self.next[frame].min(self.due[p]);
         }
+        true
     }
 
-    /// Whether pair `p` has to be tested.
+    /// Places the geoms of a pair where that was not done yet, and tests it.
     #[inline(always)]
-    pub fn is_due(&self, p: usize) -> bool {
-        self.due[p] <= self.travel[self.tests[p].frame()]
-    }
-
-    /// The worlds of `alive` in which pair `p` is near. If there are none, notes when to look again.
-    #[inline(always)]
-    pub fn near(&mut self, p: usize, position: &Position<L>, colliders: &Colliders<L>, alive: L::Mask) -> L::Mask {
+    fn test_pair<L: LaneQuery>(
+        &mut self,
+        model: &Model<L::Real>,
+        p: usize,
+        position: &Position<L>,
+        colliders: &mut Colliders<L>,
+    ) -> (L::Mask, L) {
         let test = &self.tests[p];
-        let [first, second] = test.centres(position, colliders);
-        let between = sub(&second, &first);
-        let reach = L::of(test.reach);
-        let (distance, near) = if test.plane {
-            let height = dot(&column(&colliders.rot[test.geoms[0] as usize], 2), &between);
-            (height, height.le(reach) & alive)
-        } else {
-            let square = dot(&between, &between);
-            (square, square.le(reach * reach) & alive)
-        };
-        if !L::any(near) {
-            let gap = test.gap(distance, self.alive);
-            self.due[p] = self.travel[test.frame()] + USABLE * gap;
-        }
-        near
-    }
-
-    /// The centres of pair `p`'s geoms, relative to the pair's reference point.
-    pub fn centres(&self, p: usize, position: &Position<L>, colliders: &Colliders<L>) -> [Vec3<L>; 2] {
-        self.tests[p].centres(position, colliders)
+        let [first, second] = [0, 1].map(|k| {
+            let g = test.geoms[k] as usize;
+            if !self.placed[g] {
+                let body = body(model, position, g);
+                (colliders.pos[g], colliders.axis[g]) = (body.pos, body.axis());
+                self.placed[g] = true;
+            }
+            [test.frames.shift(k, &colliders.pos[g], position), colliders.axis[g]]
+        });
+        test.near(&first, &second)
     }
 }
 
-impl Test {
-    fn new<T: Scalar>(model: &Model<T>, pair: &Pair<T>) -> Self {
-        let [first, second] = [pair.geom1, pair.geom2].map(|g| &model.geoms[g as usize]);
-        let tree = |link: u32| if link == NONE { NONE } else { model.links[link as usize].tree };
-        let plane = first.shape == Shape::Plane;
-        let reach = pair.include + second.rbound;
-        Test {
-            geoms: [pair.geom1, pair.geom2],
-            trees: [tree(pair.link1), tree(pair.link2)],
-            reference: tree(reference(pair)),
-            plane,
-            reach: if plane { reach } else { reach + first.rbound }.to_f64(),
-        }
-    }
-
-    /// Which travel counts: relative to the one tree's origin, or in the world.
-    #[inline(always)]
-    fn frame(&self) -> usize {
-        usize::from(self.trees[0] != self.trees[1])
-    }
-
-    #[inline(always)]
-    fn centres<L: Lane>(&self, position: &Position<L>, colliders: &Colliders<L>) -> [Vec3<L>; 2] {
-        let origin = |tree: u32| if tree == NONE { zero() } else { position.origin[tree as usize] };
-        let centre = |k: usize| {
-            let pos = colliders.pos[self.geoms[k] as usize];
-            if self.trees[k] == self.reference {
-                return pos;
-            }
-            add(&pos, &sub(&origin(self.trees[k]), &origin(self.reference)))
-        };
-        [centre(0), centre(1)]
-    }
-
-    /// The largest of [`GAPS`] by which the worlds in `alive` are all out of reach, m, or 0. `distance` is the height above
-    /// a plane, or the square of the distance of centres.
-    #[inline(always)]
-    fn gap<L: LaneQuery>(&self, distance: L, alive: u32) -> f64 {
-        let clear = |gap: &f64| {
-            let edge = (1.0 + gap) * self.reach;
-            let edge = L::of(if self.plane { edge } else { edge * edge });
-            L::bits(distance.ge(edge)) & alive == alive
-        };
-        match GAPS.partition_point(clear) {
-            0 => 0.0,
-            n => GAPS[n - 1] * self.reach,
-        }
-    }
+/// The smallest of the entries of the lanes in `alive`, 0 if one is not a number.
+fn smallest<L: LaneQuery>(x: L, alive: u32) -> f64 {
+    let lanes = (0..L::WIDTH).filter(|i| alive >> i & 1 != 0);
+    lanes.map(|i| x.get(i).to_f64()).fold(f64::INFINITY, |least, x| if x >= least { least } else { x.max(0.0) })
 }

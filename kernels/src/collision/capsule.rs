@@ -1,7 +1,7 @@
 //! Capsule against capsule: nearest points of two segments (Ericson, Real-Time Collision Detection, 2005, §5.1.9).
 
+use super::pair::{Body, Candidate};
 use super::sphere::balls;
-use super::{Body, Candidate};
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::{self, Vec3, cross, dot, scale, scale_add, sub};
 

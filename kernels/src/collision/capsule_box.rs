@@ -5,9 +5,9 @@
 //! axis from there over the face that it runs along, to that face's far side or the capsule's other end. An end inside the
 //! box is the only point.
 
+use super::pair::{Body, Candidate};
 use super::single::{Point, Points};
 use super::sphere;
-use super::{Body, Candidate};
 use crate::lane::Scalar;
 use crate::math::vec3::{Vec3, dot, mul_t, scale, scale_add, sub};
 

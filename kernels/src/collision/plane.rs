@@ -1,6 +1,6 @@
 //! A plane against every other shape. The normal is the plane's; a contact lies midway between plane and surface.
 
-use super::{Body, Candidate};
+use super::pair::{Body, Candidate};
 use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::{Vec3, column, cross, dot, mul, mul_t, neg, norm, scale, scale_add, select, sub, zero};
 

@@ -1,6 +1,6 @@
 //! A sphere against sphere, capsule, cylinder and box.
 
-use super::{Body, Candidate};
+use super::pair::{Body, Candidate};
 use crate::lane::Lane;
 use crate::lane::Real;
 use crate::math::vec3::{Vec3, add, cross, dot, mul, mul_t, neg, norm, normalize, scale, scale_add, select, sub, zero};

@@ -1,77 +1,191 @@
 //! Rows of contacts.
 
-use super::{Cone, Constraint, ContactRow, dof_rows};
+use super::{Cone, Constraint, ContactRow, Kind, Strength, dof_rows};
+use crate::code::Code;
 use crate::collision::{Collision, Contact, origin, reference};
 use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::{Spatial, dot6};
-use crate::math::vec3::{Vec3, add, cross, neg, row, splat, sub};
-use crate::model::{Model, NONE, Pair};
+use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
+use crate::model::{Impedance, Model, NONE, Pair, PairDof, Sides};
 use crate::options;
 use crate::position::Position;
 use crate::velocity::Velocity;
 
-/// Lists the contacts that act in some world: closer than their margin.
+/// Where a block's links are, and how they move.
+#[derive(Debug)]
+pub struct Motion<'a, L> {
+    /// Poses, and axes of dofs.
+    pub position: &'a Position<L>,
+    /// Motions of links.
+    pub velocity: &'a Velocity<L>,
+    /// Velocities of dofs.
+    pub qvel: &'a [L],
+}
+
+impl<L> Clone for Motion<'_, L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L> Copy for Motion<'_, L> {}
+
+/// Lists the contacts that act in some world, closer than their margin, with their numbers.
 pub fn contact_rows<L: LaneQuery>(
     model: &Model<L::Real>,
-    position: &Position<L>,
-    velocity: &Velocity<L>,
+    motion: Motion<'_, L>,
     collision: &Collision<L>,
-    qvel: &[L],
+    code: &mut dyn Code<L>,
     constraint: &mut Constraint<L>,
 ) {
+    list(model, collision, constraint);
+    let still = code.still_sides(motion, collision, constraint);
+    for i in 0..constraint.contact_rows.len() {
+        let row = constraint.contact_rows[i];
+        let coded = match row.sides {
+            Sides::One => still,
+            Sides::Two => code.both_sides(motion, collision, &row, constraint),
+            Sides::Apart => false,
+        };
+        if !coded {
+            measure(model, motion, collision.contact(row.contact as usize), &row, constraint);
+        }
+    }
+}
+
+/// Lists the contacts that act in some world, and makes room for their numbers.
+fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
-    constraint.strengths.clear();
-    constraint.reference.clear();
-    constraint.motion.clear();
-    constraint.jacobian.clear();
     constraint.cross = false;
-    let (mut edges, mut ellipses) = (0, 0);
-    for (c, (slot, contact)) in collision.slots.iter().zip(&collision.contacts).enumerate() {
+    constraint.contact_lanes = 0;
+    let (mut component, mut jacobian, mut edges, mut ellipses) = (0, 0, 0, 0);
+    for (contact, slot) in (0..).zip(&collision.slots) {
         let pair = &model.pairs[slot.pair as usize];
-        let acts = contact.dist.lt(L::splat(pair.margin));
-        if !L::any(acts) {
+        let lanes = L::bits(Contact(&collision.found()[slot.place as usize]).dist().lt(L::splat(pair.margin)));
+        if lanes == 0 {
             continue;
         }
-        let (cone, component) = (cone(model, pair), constraint.reference.len());
-        let dim = pair.condim as usize;
-        let one_sided = pair.link1 == NONE || pair.link2 == NONE;
-        let jacobian = constraint.jacobian.len() as u32;
-        let speeds = if one_sided {
-            still_side(pair, contact, velocity, &mut constraint.motion)
-        } else {
-            constraint.cross |= pair.cross;
-            // Keeps the component's index the same in `motion` and `reference`.
-            constraint.motion.extend_from_slice(&[[L::zero(); 6]; 6][..dim]);
-            two_sides(model, position, pair, contact, qvel, &mut constraint.jacobian)
-        };
-        let (d, references) = regularise(model, pair, contact, &speeds);
-        constraint.reference.extend_from_slice(&references[..dim]);
+        constraint.contact_lanes |= lanes;
+        constraint.cross |= pair.cross;
+        let cone = cone(model, pair);
         let edge = if cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
         let row = ContactRow {
-            contact: c as u32,
+            contact,
             pair: slot.pair,
-            dim: dim as u32,
-            component: component as u32,
-            link: if !one_sided { NONE } else { reference(pair) },
+            dim: pair.condim,
+            component,
+            sides: pair.sides,
+            link: reference(pair),
+            other: if pair.sides == Sides::Two { pair.link1 } else { NONE },
             jacobian,
             edge: *edge,
-            strength: constraint.strengths.len() as u32,
+            strength: constraint.contact_rows.len() as u32,
             cone,
+            lanes,
         };
+        component += row.dim;
+        jacobian += row.dim * pair.dofs.len;
         *edge += row.edges() as u32;
         constraint.contact_rows.push(row);
-        let mu = L::splat(pair.friction[0]) * L::of((1.0 / model.options.impratio).sqrt());
-        let [f1, f2, f3, f4, f5] = splat(&pair.friction);
-        constraint.strengths.push([L::select(acts, d, L::zero()), mu, f1, f2, f3, f4, f5]);
     }
+    let (rows, zero) = (constraint.contact_rows.len(), L::zero());
+    constraint.strengths.resize(rows, [zero; 7]);
+    constraint.reference.resize(component as usize, zero);
+    constraint.motion.resize(component as usize, [zero; 6]);
+    constraint.jacobian.resize(jacobian as usize, zero);
+}
+
+/// Numbers of a pair that its contacts' rows are made of: what [`Grip`] has.
+pub const NUMBERS: usize = 17;
+
+/// The numbers of a pair, in the order in which [`Grip::of`] takes them.
+#[inline(always)]
+pub fn numbers<T: Copy>(pair: &Pair<T>) -> [T; NUMBERS] {
+    let Pair { margin, friction: [f1, f2, f3, f4, f5], friction_b, invweight, .. } = *pair;
+    let Impedance { k, b, dmin, dmax, inverse_width, midpoint, power, low, high, .. } = pair.impedance;
+    [margin, invweight, friction_b, f1, f2, f3, f4, f5, k, b, dmin, dmax, inverse_width, midpoint, power, low, high]
+}
+
+/// What a contact's rows depend on beside motion: as [`Pair`].
+#[derive(Clone, Debug)]
+pub struct Grip<L> {
+    cone: Cone,
+    /// Of frictional to normal impedance.
+    impratio: f64,
+    /// Whether it is the first geom that moves, and not the second.
+    flipped: bool,
+    margin: L,
+    invweight: L,
+    friction_b: L,
+    friction: [L; 5],
+    impedance: Impedance<L>,
+}
+
+impl<L: Lane> Grip<L> {
+    /// That of the pair.
+    #[inline(always)]
+    pub fn new(model: &Model<L::Real>, pair: &Pair<L::Real>) -> Self {
+        Self::of(model, pair, numbers(pair).map(L::splat))
+    }
+
+    /// That of a pair like this one, with other [`numbers`].
+    #[inline(always)]
+    pub fn of(model: &Model<L::Real>, pair: &Pair<L::Real>, numbers: [L; NUMBERS]) -> Self {
+        let [margin, invweight, friction_b, f1, f2, f3, f4, f5, k, b, dmin, dmax, inverse_width, midpoint, ..] =
+            numbers;
+        let [.., power, low, high] = numbers;
+        let Impedance { flat, small_power, .. } = pair.impedance;
+        Grip {
+            cone: cone(model, pair),
+            impratio: model.options.impratio,
+            flipped: pair.link2 == NONE,
+            margin,
+            invweight,
+            friction_b,
+            friction: [f1, f2, f3, f4, f5],
+            impedance: Impedance { flat, small_power, k, b, dmin, dmax, inverse_width, midpoint, power, low, high },
+        }
+    }
+}
+
+/// What is kept of a contact.
+#[derive(Debug)]
+pub struct Numbers<'a, L> {
+    /// What decides its force.
+    pub strength: &'a mut Strength<L>,
+    /// By component, the motion row.
+    pub motion: &'a mut [Spatial<L>],
+    /// By component, minus the reference acceleration.
+    pub reference: &'a mut [L],
+}
+
+/// Writes a contact's numbers.
+#[inline(always)]
+fn measure<L: Lane>(
+    model: &Model<L::Real>,
+    motion: Motion<'_, L>,
+    contact: Contact<'_, L>,
+    row: &ContactRow,
+    constraint: &mut Constraint<L>,
+) {
+    let Motion { position, velocity, qvel } = motion;
+    let pair = &model.pairs[row.pair as usize];
+    let (grip, dofs) = (Grip::new(model, pair), &model.pair_dofs[pair.dofs.range()]);
+    let (out, jacobian) = constraint.numbers_mut(row, dofs.len());
+    if row.sides == Sides::One {
+        return still_side(&grip, contact, &velocity.cvel[row.link as usize], out);
+    }
+    let shift = sub(&origin(model, position, pair.link2), &origin(model, position, pair.link1));
+    let at = if row.sides == Sides::Two { contact.pos() } else { add(&contact.pos(), &shift) };
+    both_sides(&grip, contact, &at, dofs, (&position.cdof, qvel), jacobian, out);
 }
 
 /// The components' motion rows at a point `at` relative to a tree's origin: (at × n; n) for a translation along `n`,
 /// (n; 0) for a rotation about it.
 #[inline(always)]
-pub fn motion_row<L: Lane>(contact: &Contact<L>, at: &Vec3<L>, component: usize) -> Spatial<L> {
+fn motion_row<L: Lane>(contact: Contact<'_, L>, at: &Vec3<L>, component: usize) -> Spatial<L> {
     let z = L::zero();
-    let n = row(&contact.frame, component % 3);
+    let n = row(contact.frame(), component % 3);
     if component < 3 {
         let torque = cross(at, &n);
         [torque[0], torque[1], torque[2], n[0], n[1], n[2]]
@@ -80,57 +194,57 @@ pub fn motion_row<L: Lane>(contact: &Contact<L>, at: &Vec3<L>, component: usize)
     }
 }
 
-/// Rows of a contact whose one side stands still; returns the components' velocities.
+/// Numbers of a contact one side of which stands still, the other has the motion `twist`.
 #[inline(always)]
-fn still_side<L: Lane>(
-    pair: &Pair<L::Real>,
-    contact: &Contact<L>,
-    velocity: &Velocity<L>,
-    motion: &mut Vec<[L; 6]>,
-) -> [L; 6] {
-    let link = reference(pair) as usize;
+pub fn still_side<L: Lane>(grip: &Grip<L>, contact: Contact<'_, L>, twist: &Spatial<L>, out: Numbers<'_, L>) {
     let mut speeds = [L::zero(); 6];
-    for (i, speed) in speeds.iter_mut().enumerate().take(pair.condim as usize) {
-        let w = motion_row(contact, &contact.pos, i);
+    for (i, (speed, motion)) in speeds.iter_mut().zip(&mut *out.motion).enumerate() {
+        let w = motion_row(contact, &contact.pos(), i);
         // The relative motion is that of the second body; it is minus the first's where the second stands still.
-        let w = if pair.link2 == NONE { neg(&w) } else { w };
-        *speed = dot6(&w, &velocity.cvel[link]);
-        motion.push(w);
+        let w = if grip.flipped { neg(&w) } else { w };
+        *speed = dot6(&w, twist);
+        *motion = w;
     }
-    speeds
+    regularise(grip, contact, &speeds, out);
 }
 
-/// Stores the Jacobian of a contact between two links; returns the components' velocities.
+/// Numbers and Jacobian of a contact between two links; its place is `at` from the origin of the first's tree. `dofs` are
+/// those of the pair, with the axes and velocities of all.
 #[inline(always)]
-fn two_sides<L: Lane>(
-    model: &Model<L::Real>,
-    position: &Position<L>,
-    pair: &Pair<L::Real>,
-    contact: &Contact<L>,
-    qvel: &[L],
-    jacobian: &mut Vec<L>,
-) -> [L; 6] {
-    let dim = pair.condim as usize;
-    let shift = sub(&origin(model, position, pair.link2), &origin(model, position, pair.link1));
-    let same_tree = model.links[pair.link1 as usize].tree == model.links[pair.link2 as usize].tree;
-    let at1 = if same_tree { contact.pos } else { add(&contact.pos, &shift) };
+pub fn both_sides<L: Lane>(
+    grip: &Grip<L>,
+    contact: Contact<'_, L>,
+    at: &Vec3<L>,
+    dofs: &[PairDof],
+    (axes, qvel): (&[Spatial<L>], &[L]),
+    jacobian: &mut [L],
+    out: Numbers<'_, L>,
+) {
     let mut first = [[L::zero(); 6]; 6];
-    let mut second = first;
-    for i in 0..dim {
-        second[i] = motion_row(contact, &contact.pos, i);
-        first[i] = if same_tree { neg(&second[i]) } else { neg(&motion_row(contact, &at1, i)) };
+    // Between trees nobody reads `motion`, but the component's index is the same there and in `reference`.
+    for (i, (first, second)) in first.iter_mut().zip(&mut *out.motion).enumerate() {
+        *second = motion_row(contact, &contact.pos(), i);
+        *first = neg(&motion_row(contact, at, i));
     }
     let mut speeds = [L::zero(); 6];
-    for entry in &model.pair_dofs[pair.dofs.range()] {
+    for (entry, column) in dofs.iter().zip(jacobian.chunks_exact_mut(out.motion.len())) {
         let dof = entry.dof as usize;
-        let rows = if entry.second { &second } else { &first };
-        for i in 0..dim {
-            let j = dot6(&rows[i], &position.cdof[dof]);
-            speeds[i] = j.mul_add(qvel[dof], speeds[i]);
-            jacobian.push(j);
+        let rows = if entry.second { &*out.motion } else { &first[..] };
+        for ((j, speed), w) in column.iter_mut().zip(&mut speeds).zip(rows) {
+            *j = dot6(w, &axes[dof]);
+            *speed = j.mul_add(qvel[dof], *speed);
         }
     }
-    speeds
+    regularise(grip, contact, &speeds, out);
+}
+
+/// The kinds of the contacts with sides in one tree that the model can have, in ascending order.
+pub fn kinds<T>(model: &Model<T>) -> Vec<Kind> {
+    let kind = |pair: &Pair<T>| Kind { sides: pair.sides, cone: cone(model, pair), dim: pair.condim };
+    let mut kinds: Vec<Kind> = model.pairs.iter().map(kind).filter(|kind| kind.sides != Sides::Apart).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds
 }
 
 /// The cone of a pair's contacts.
@@ -142,27 +256,24 @@ pub fn cone<T>(model: &Model<T>, pair: &Pair<T>) -> Cone {
     }
 }
 
-/// D of the contact's first row, and minus the reference acceleration of each component. A pyramid's rows share
+/// Strength, and minus the reference acceleration of each component, which have the given speeds. A pyramid's rows share
 /// R = 2 μ₁² (1 + μ₁²) Â (1 - d)/d / impratio; friction rows of an elliptic cone have damping of their own.
 #[inline(always)]
-fn regularise<L: Lane>(
-    model: &Model<L::Real>,
-    pair: &Pair<L::Real>,
-    contact: &Contact<L>,
-    speeds: &[L; 6],
-) -> (L, [L; 6]) {
-    let weight = L::splat(pair.invweight);
-    let cone = cone(model, pair);
-    let (diagonal, factor) = if cone == Cone::Pyramid {
-        let mu2 = L::splat(pair.friction[0]) * L::splat(pair.friction[0]);
-        (mu2.mul_add(weight, weight), (mu2 + mu2) * L::of(1.0 / model.options.impratio))
+fn regularise<L: Lane>(grip: &Grip<L>, contact: Contact<'_, L>, speeds: &[L; 6], out: Numbers<'_, L>) {
+    let Grip { invweight: weight, friction, impedance, .. } = grip;
+    let (diagonal, factor) = if grip.cone == Cone::Pyramid {
+        let mu2 = friction[0] * friction[0];
+        (mu2.mul_add(*weight, *weight), (mu2 + mu2) * L::of(1.0 / grip.impratio))
     } else {
-        (weight, L::one())
+        (*weight, L::one())
     };
-    let pos = contact.dist - L::splat(pair.margin);
-    let (d, normal) = dof_rows::row(&pair.impedance, pos, speeds[0], diagonal, factor);
-    let b = if cone == Cone::Ellipse { L::splat(pair.friction_b) } else { L::splat(pair.impedance.b) };
-    let mut references = speeds.map(|v| b * v);
-    references[0] = normal;
-    (d, references)
+    let (d, normal) = dof_rows::row(impedance, contact.dist() - grip.margin, speeds[0], diagonal, factor);
+    let b = if grip.cone == Cone::Ellipse { grip.friction_b } else { impedance.b };
+    out.reference[0] = normal;
+    for (reference, speed) in out.reference.iter_mut().zip(speeds).skip(1) {
+        *reference = b * *speed;
+    }
+    let mu = friction[0] * L::of((1.0 / grip.impratio).sqrt());
+    let [f1, f2, f3, f4, f5] = *friction;
+    *out.strength = [L::select(contact.dist().lt(grip.margin), d, L::zero()), mu, f1, f2, f3, f4, f5];
 }

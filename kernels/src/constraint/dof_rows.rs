@@ -1,12 +1,31 @@
 //! Dry friction and joint limits.
 
-use super::{Constraint, DofRow, DofRowKind, impedance};
-use crate::lane::{Lane, LaneQuery};
+use super::{Constraint, DofLanes, DofRow, DofRowKind, impedance};
+use crate::lane::{Lane, LaneQuery, Real};
 use crate::math::quat;
-use crate::math::vec3::{dot, neg, zero};
+use crate::math::vec3::{dot, neg, select};
 use crate::model::{Impedance, Limit, Model};
 
-/// Lists dry friction and the limits that act in some world of `alive`, in MuJoCo's order.
+/// All rows on joints that the model can have, in MuJoCo's order.
+pub fn all_dof_rows<T: Real>(model: &Model<T>) -> impl Iterator<Item = DofRow> {
+    let frictions = model.friction_losses.iter().zip(0..);
+    let frictions = frictions.map(|(friction, id)| DofRow { kind: DofRowKind::Friction, id, dof: friction.dof });
+    let limits = model.limits.iter().zip(0..).flat_map(|(limit, id)| {
+        use DofRowKind::{Ball, Limit, Lower, Upper};
+        let [low, high, margin] = [limit.range[0], limit.range[1], limit.margin].map(T::to_f64);
+        let kinds: &[DofRowKind] = if limit.ball {
+            &[Ball]
+        } else if low + 2.0 * margin < high {
+            &[Limit]
+        } else {
+            &[Lower, Upper]
+        };
+        kinds.iter().map(move |kind| DofRow { kind: *kind, id, dof: limit.dof })
+    });
+    frictions.chain(limits)
+}
+
+/// Lists the rows on joints that act in some world of `alive`.
 pub fn dof_rows<L: LaneQuery>(
     model: &Model<L::Real>,
     qpos: &[L],
@@ -14,60 +33,90 @@ pub fn dof_rows<L: LaneQuery>(
     alive: L::Mask,
     constraint: &mut Constraint<L>,
 ) {
-    let rows = &mut constraint.dof_rows;
-    rows.clear();
-    for (id, friction) in model.friction_losses.iter().enumerate() {
-        rows.push(DofRow {
-            kind: DofRowKind::Friction,
-            id: id as u32,
-            dof: friction.dof,
-            axis: zero(),
-            pos: L::zero(),
-            d: L::one() / L::splat(friction.r),
-            reference: L::splat(friction.b) * qvel[friction.dof as usize],
-            bound: L::splat(friction.bound),
-        });
-    }
-    for (id, limit) in model.limits.iter().enumerate() {
-        let q = &qpos[limit.qpos as usize..];
-        let v = &qvel[limit.dof as usize..];
-        let margin = L::splat(limit.margin);
-        if limit.ball {
-            let (axis, angle) = quat::axis_angle(&quat::unit(&[q[0], q[1], q[2], q[3]]));
-            let flip = angle.lt(L::zero());
-            let axis = crate::math::vec3::select(flip, &neg(&axis), &axis);
-            let pos = L::splat(limit.range[1]) - angle.abs() - margin;
-            let speed = -dot(&axis, &[v[0], v[1], v[2]]);
-            push::<L>(rows, limit, id, DofRowKind::Ball, axis, pos, speed, alive);
-        } else {
-            let lower = q[0] - L::splat(limit.range[0]) - margin;
-            push::<L>(rows, limit, id, DofRowKind::Lower, zero(), lower, v[0], alive);
-            let upper = L::splat(limit.range[1]) - q[0] - margin;
-            push::<L>(rows, limit, id, DofRowKind::Upper, zero(), upper, -v[0], alive);
+    constraint.dof_rows.clear();
+    constraint.dof_lanes.clear();
+    constraint.joint_lanes = 0;
+    for row in all_dof_rows(model) {
+        let violated = violation(model, &row, qpos, qvel);
+        let acts = violated.pos.lt(L::zero()) & alive;
+        let acts = if row.kind == DofRowKind::Friction { alive } else { acts };
+        let lanes = L::bits(acts);
+        if lanes != 0 {
+            constraint.joint_lanes |= lanes;
+            constraint.dof_rows.push(row);
+            constraint.dof_lanes.push(numbers(model, &row, violated, qvel, acts));
         }
     }
 }
 
-/// Adds a limit's row if it acts in some world. `pos` is the distance less the margin, `speed` the row's velocity.
-#[inline(always)]
-#[allow(clippy::too_many_arguments)] // a row's ingredients, all different
-fn push<L: LaneQuery>(
-    rows: &mut Vec<DofRow<L>>,
-    limit: &Limit<L::Real>,
-    id: usize,
-    kind: DofRowKind,
+/// Numbers of the rows of the constraint's list; returns the worlds in which some of them acts.
+pub fn dof_lanes<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L], constraint: &mut Constraint<L>) -> L::Mask {
+    let mut some = L::zero().lt(L::zero());
+    let Constraint { dof_rows, dof_lanes, .. } = constraint;
+    for (row, lanes) in dof_rows.iter().zip(dof_lanes) {
+        let violated = violation(model, row, qpos, qvel);
+        let acts = violated.pos.lt(L::zero());
+        *lanes = numbers(model, row, violated, qvel, acts);
+        some = some | lanes[4].gt(L::zero());
+    }
+    some
+}
+
+/// By how much a limit is exceeded.
+struct Violation<L> {
+    /// As in [`DofLanes`].
     axis: [L; 3],
+    /// Distance less the margin.
     pos: L,
     speed: L,
-    alive: L::Mask,
-) {
-    let acts = pos.lt(L::zero()) & alive;
-    if !L::any(acts) {
-        return;
+}
+
+#[inline(always)]
+fn violation<L: Lane>(model: &Model<L::Real>, row: &DofRow, qpos: &[L], qvel: &[L]) -> Violation<L> {
+    let (zero, one) = (L::zero(), L::one());
+    if row.kind == DofRowKind::Friction {
+        return Violation { axis: [zero; 3], pos: zero, speed: qvel[row.dof as usize] };
     }
-    let (d, reference) = row(&limit.impedance, pos, speed, L::splat(limit.invweight), L::one());
-    let d = L::select(acts, d, L::zero());
-    rows.push(DofRow { kind, id: id as u32, dof: limit.dof, axis, pos, d, reference, bound: L::zero() });
+    let limit = &model.limits[row.id as usize];
+    let (q, v) = (&qpos[limit.qpos as usize..], &qvel[limit.dof as usize..]);
+    let margin = L::splat(limit.margin);
+    if row.kind == DofRowKind::Ball {
+        let (axis, angle) = quat::axis_angle(&quat::unit(&[q[0], q[1], q[2], q[3]]));
+        let axis = select(angle.lt(zero), &neg(&axis), &axis);
+        let pos = L::splat(limit.range[1]) - angle.abs() - margin;
+        return Violation { axis, pos, speed: -dot(&axis, &[v[0], v[1], v[2]]) };
+    }
+    let lower = q[0] - L::splat(limit.range[0]) - margin;
+    let upper = L::splat(limit.range[1]) - q[0] - margin;
+    let (pos, sign) = match row.kind {
+        DofRowKind::Lower => (lower, one),
+        DofRowKind::Upper => (upper, -one),
+        _ => {
+            let low = lower.lt(upper);
+            (L::select(low, lower, upper), L::select(low, one, -one))
+        }
+    };
+    Violation { axis: [sign, zero, zero], pos, speed: sign * v[0] }
+}
+
+/// The numbers of a row.
+#[inline(always)]
+fn numbers<L: Lane>(
+    model: &Model<L::Real>,
+    row: &DofRow,
+    violated: Violation<L>,
+    qvel: &[L],
+    acts: L::Mask,
+) -> DofLanes<L> {
+    let Violation { axis: [x, y, z], pos, speed } = violated;
+    if row.kind == DofRowKind::Friction {
+        let friction = &model.friction_losses[row.id as usize];
+        let d = L::one() / L::splat(friction.r);
+        return [x, y, z, pos, d, L::splat(friction.b) * qvel[row.dof as usize]];
+    }
+    let Limit { impedance, invweight, .. } = &model.limits[row.id as usize];
+    let (d, reference) = self::row(&impedance.lanes(), pos, speed, L::splat(*invweight), L::one());
+    [x, y, z, pos, L::select(acts, d, L::zero()), reference]
 }
 
 /// Least regulariser: of rows between bodies that weigh nothing against each other. Not a rounding threshold, so the same
@@ -76,9 +125,9 @@ const MIN_REGULARISER: f64 = 1e-15;
 
 /// D = 1/R with R = `factor` Â (1 - d)/d, and minus the reference acceleration b v + k d r.
 #[inline(always)]
-pub(super) fn row<L: Lane>(model: &Impedance<L::Real>, pos: L, speed: L, diagonal: L, factor: L) -> (L, L) {
+pub(super) fn row<L: Lane>(model: &Impedance<L>, pos: L, speed: L, diagonal: L, factor: L) -> (L, L) {
     let imp = impedance(model, pos);
     let r = ((L::one() - imp) / imp * diagonal).max(L::of(MIN_REGULARISER));
-    let reference = L::splat(model.b).mul_add(speed, L::splat(model.k) * imp * pos);
+    let reference = model.b.mul_add(speed, model.k * imp * pos);
     (L::one() / (r * factor), reference)
 }

@@ -5,27 +5,26 @@ use crate::model::Impedance;
 
 /// d(|r|), in [dmin, dmax].
 #[inline(always)]
-pub fn impedance<L: Lane>(model: &Impedance<L::Real>, r: L) -> L {
-    let (dmin, dmax) = (L::splat(model.dmin), L::splat(model.dmax));
+pub fn impedance<L: Lane>(model: &Impedance<L>, r: L) -> L {
+    let (dmin, dmax) = (model.dmin, model.dmax);
     if model.flat {
         return (dmin + dmax) * L::of(0.5);
     }
     let one = L::one();
-    let x = r.abs() * L::splat(model.inverse_width);
+    let x = r.abs() * model.inverse_width;
     let past = x.ge(one);
     let x = x.min(one);
     let y = match model.small_power {
         1 => x,
         2 => {
-            let low = L::splat(model.low) * x * x;
-            let high = (L::splat(model.high) * (one - x)).neg_mul_add(one - x, one);
-            L::select(x.le(L::splat(model.midpoint)), low, high)
+            let low = model.low * x * x;
+            let high = (model.high * (one - x)).neg_mul_add(one - x, one);
+            L::select(x.le(model.midpoint), low, high)
         }
         _ => {
-            let power = L::splat(model.power);
-            let low = L::splat(model.low) * powf(x, power);
-            let high = L::splat(model.high).neg_mul_add(powf(one - x, power), one);
-            L::select(x.le(L::splat(model.midpoint)), low, high)
+            let low = model.low * powf(x, model.power);
+            let high = model.high.neg_mul_add(powf(one - x, model.power), one);
+            L::select(x.le(model.midpoint), low, high)
         }
     };
     L::select(past, dmax, y.mul_add(dmax - dmin, dmin))

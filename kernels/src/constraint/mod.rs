@@ -4,28 +4,30 @@
 //! `normal ± μⱼ·componentⱼ`. Rows of limits and contacts that act in no world of the block are left out; a world in which
 //! a listed row does not act has D = 0 there.
 //!
-//! Contacts come in two kinds. One side stands still: the component's row is a spatial vector `w` at the tree's origin,
-//! its Jacobian is w·cdof for every dof that moves the link. Both sides move: the Jacobian is stored over the dofs that
-//! move one side and not the other.
+//! A component's row is a spatial vector `w` at the tree's origin, which measures the motion of a link, or that of a link
+//! relative to another of the same tree: its Jacobian is ± w·cdof for every dof that moves the one and not the other. Where
+//! both sides move it is stored over those dofs, for the Hessian, and for contacts between trees, which have no such vector.
 
 mod contacts;
 mod dof_rows;
 mod impedance;
 
-pub use contacts::{cone, contact_rows};
-pub use dof_rows::dof_rows;
+pub use contacts::{Grip, Motion, NUMBERS, Numbers, both_sides, cone, contact_rows, kinds, numbers, still_side};
+pub use dof_rows::{all_dof_rows, dof_lanes, dof_rows};
 pub use impedance::impedance;
 
 use crate::lane::Lane;
 use crate::math::vec3::Vec3;
-use crate::model::Model;
+use crate::model::{Model, Sides};
 
 /// What a row on a joint stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DofRowKind {
     /// Dry friction: force within ± bound.
     Friction,
-    /// Lower limit: J = +1.
+    /// The limit that is exceeded, lower or upper: J = 1 or -1, the row's sign.
+    Limit,
+    /// Lower limit, of a range so narrow that both may act at once: J = 1.
     Lower,
     /// Upper limit: J = -1.
     Upper,
@@ -34,28 +36,63 @@ pub enum DofRowKind {
 }
 
 /// A row that acts on the dofs of one joint.
-#[derive(Clone, Copy, Debug)]
-pub struct DofRow<L> {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DofRow {
     /// Kind.
     pub kind: DofRowKind,
     /// Index into the model's friction losses or limits.
     pub id: u32,
     /// First dof.
     pub dof: u32,
-    /// Rotation axis of a ball joint's limit; unused otherwise.
-    pub axis: Vec3<L>,
-    /// Violation r - margin (0 for friction).
-    pub pos: L,
-    /// D = 1/R; 0 in worlds where the row does not act.
-    pub d: L,
+}
+
+/// A row's numbers: rotation axis of a ball joint's limit, or the sign of a limit first; violation r - margin (0 for
+/// friction); D = 1/R, which is 0 in worlds where the row does not act; minus the reference acceleration. An array, which
+/// generated code can read.
+pub type DofLanes<L> = [L; 6];
+
+/// A row on a joint: what it is, and its numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct DofLaw<'a, L> {
+    /// What it is.
+    pub row: DofRow,
+    lanes: &'a DofLanes<L>,
+}
+
+impl<L: Lane> DofLaw<'_, L> {
+    /// Axis of a ball joint's limit.
+    #[inline(always)]
+    pub fn axis(&self) -> Vec3<L> {
+        [self.lanes[0], self.lanes[1], self.lanes[2]]
+    }
+
+    /// J of a limit on one dof.
+    #[inline(always)]
+    pub fn sign(&self) -> L {
+        self.lanes[0]
+    }
+
+    /// Violation r - margin.
+    #[inline(always)]
+    pub fn pos(&self) -> L {
+        self.lanes[3]
+    }
+
+    /// D = 1/R.
+    #[inline(always)]
+    pub fn d(&self) -> L {
+        self.lanes[4]
+    }
+
     /// Minus the reference acceleration.
-    pub reference: L,
-    /// Largest force (friction).
-    pub bound: L,
+    #[inline(always)]
+    pub fn reference(&self) -> L {
+        self.lanes[5]
+    }
 }
 
 /// The set to which a contact's force is confined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Cone {
     /// Normal force alone.
     Ray,
@@ -76,8 +113,14 @@ pub struct ContactRow {
     pub dim: u32,
     /// First component in the flat arrays.
     pub component: u32,
-    /// Link that moves, if the other side stands still, else [`NONE`](crate::model::NONE).
+    /// Worlds in which it acts, bit by bit.
+    pub lanes: u32,
+    /// What moves.
+    pub sides: Sides,
+    /// Link whose motion the components measure, unless the sides are apart.
     pub link: u32,
+    /// Link relative to which they do, if both sides move in one tree, else [`NONE`](crate::model::NONE).
+    pub other: u32,
     /// First entry of the stored Jacobian (both sides move): dof by dof, the components of each.
     pub jacobian: u32,
     /// First among the block's edges of rays and pyramids, or place among its elliptic contacts.
@@ -122,7 +165,24 @@ impl<L: Copy> Law<'_, L> {
     }
 }
 
+/// What the shape of a contact's equations depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Kind {
+    /// What moves.
+    pub sides: Sides,
+    /// Cone.
+    pub cone: Cone,
+    /// Number of components.
+    pub dim: u32,
+}
+
 impl ContactRow {
+    /// Its kind.
+    #[inline(always)]
+    pub fn kind(&self) -> Kind {
+        Kind { sides: self.sides, cone: self.cone, dim: self.dim }
+    }
+
     /// Number of edges, or of ellipses.
     #[inline(always)]
     pub fn edges(&self) -> usize {
@@ -150,17 +210,27 @@ impl ContactRow {
 /// Constraint rows of a block.
 #[derive(Clone, Debug)]
 pub struct Constraint<L> {
-    /// Rows on joints.
-    pub dof_rows: Vec<DofRow<L>>,
+    /// Rows on joints: those that act in some world, or all that the model has.
+    pub dof_rows: Vec<DofRow>,
+    /// Their numbers.
+    pub dof_lanes: Vec<DofLanes<L>>,
+    /// Worlds in which some row on a joint acts, bit by bit.
+    pub joint_lanes: u32,
+    /// Worlds in which some contact acts.
+    pub contact_lanes: u32,
+    /// Kinds of contacts with sides in one tree that the model can have, in the order in which they are worked through.
+    pub kinds: Vec<Kind>,
+    /// Whether the model can have contacts between trees.
+    pub between_trees: bool,
     /// Contacts that act in some world.
     pub contact_rows: Vec<ContactRow>,
     /// Strengths of those contacts.
     pub strengths: Vec<Strength<L>>,
     /// Per component: minus the reference acceleration.
     pub reference: Vec<L>,
-    /// Per component of contacts with one moving side: motion row at the tree's origin.
+    /// Per component of contacts with sides in one tree: motion row at the tree's origin.
     pub motion: Vec<[L; 6]>,
-    /// Jacobians of contacts with two moving sides.
+    /// Jacobians of contacts whose sides both move.
     pub jacobian: Vec<L>,
     /// Whether some listed contact couples dofs that the inertia matrix does not.
     pub cross: bool,
@@ -172,6 +242,11 @@ impl<L: Lane> Constraint<L> {
         let capacity = model.capacity();
         Constraint {
             dof_rows: Vec::with_capacity(capacity.dof_rows),
+            dof_lanes: Vec::with_capacity(capacity.dof_rows),
+            joint_lanes: 0,
+            contact_lanes: 0,
+            kinds: contacts::kinds(model),
+            between_trees: model.pairs.iter().any(|pair| pair.sides == Sides::Apart),
             contact_rows: Vec::with_capacity(capacity.contacts),
             strengths: Vec::with_capacity(capacity.contacts),
             reference: Vec::with_capacity(capacity.components),
@@ -183,10 +258,17 @@ impl<L: Lane> Constraint<L> {
 
     /// Bytes of the lists.
     pub fn bytes(&self) -> usize {
-        self.dof_rows.capacity() * size_of::<DofRow<L>>()
+        self.dof_rows.capacity() * size_of::<DofRow>()
+            + self.dof_lanes.capacity() * size_of::<DofLanes<L>>()
             + self.contact_rows.capacity() * size_of::<ContactRow>()
             + self.strengths.capacity() * size_of::<Strength<L>>()
             + (self.reference.capacity() + self.jacobian.capacity() + 6 * self.motion.capacity()) * size_of::<L>()
+    }
+
+    /// The rows on joints.
+    #[inline(always)]
+    pub fn dof_laws(&self) -> impl Iterator<Item = DofLaw<'_, L>> {
+        self.dof_rows.iter().zip(&self.dof_lanes).map(|(row, lanes)| DofLaw { row: *row, lanes })
     }
 
     /// The law of a listed contact's force.
@@ -195,8 +277,31 @@ impl<L: Lane> Constraint<L> {
         Law { cone: row.cone, strength: &self.strengths[row.strength as usize] }
     }
 
+    /// The stored Jacobian of a contact whose sides both move, over so many dofs.
+    #[inline(always)]
+    pub fn jacobian_of(&self, row: &ContactRow, dofs: usize) -> &[L] {
+        &self.jacobian[row.jacobian as usize..][..dofs * row.dim as usize]
+    }
+
+    /// What is kept of a listed contact, and its stored Jacobian over so many dofs.
+    #[inline(always)]
+    pub fn numbers_mut(&mut self, row: &ContactRow, dofs: usize) -> (Numbers<'_, L>, &mut [L]) {
+        let numbers = Numbers {
+            strength: &mut self.strengths[row.strength as usize],
+            motion: &mut self.motion[row.components()],
+            reference: &mut self.reference[row.components()],
+        };
+        (numbers, &mut self.jacobian[row.jacobian as usize..][..dofs * row.dim as usize])
+    }
+
+    /// Contacts between trees.
+    #[inline(always)]
+    pub fn apart(&self) -> impl Iterator<Item = &ContactRow> {
+        self.contact_rows.iter().filter(|row| row.sides == Sides::Apart)
+    }
+
     /// Whether no row acts in any world.
     pub fn is_empty(&self) -> bool {
-        self.dof_rows.is_empty() && self.contact_rows.is_empty()
+        self.joint_lanes == 0 && self.contact_rows.is_empty()
     }
 }

@@ -123,6 +123,8 @@ pub struct Model<T> {
     pub joints: Vec<Joint<T>>,
     /// Degrees of freedom.
     pub dofs: Vec<Dof<T>>,
+    /// By link, how far geoms that it carries can be from its joints (see [`levers`](crate::collision::levers)), m.
+    pub levers: Vec<T>,
     /// Geoms that take part in pairs.
     pub geoms: Vec<Geom<T>>,
     /// Pairs of geoms.
@@ -190,6 +192,7 @@ impl<U: Real> Cast<U> for Model<f64> {
             links: self.links.cast(),
             joints: self.joints.cast(),
             dofs: self.dofs.cast(),
+            levers: self.levers.cast(),
             geoms: self.geoms.cast(),
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),

@@ -2,7 +2,7 @@
 
 use super::Span;
 use super::cast::{Cast, table};
-use crate::lane::Real;
+use crate::lane::{Lane, Real};
 
 table! {
     /// A body with joints, with everything that is fixed to it.
@@ -213,6 +213,17 @@ table! {
     } T
 }
 
+impl<T: Real> Impedance<T> {
+    /// The same in all lanes.
+    #[inline(always)]
+    pub fn lanes<L: Lane<Real = T>>(&self) -> Impedance<L> {
+        let Impedance { flat, small_power, k, b, dmin, dmax, inverse_width, midpoint, power, low, high } = *self;
+        let numbers = [k, b, dmin, dmax, inverse_width, midpoint, power, low, high].map(L::splat);
+        let [k, b, dmin, dmax, inverse_width, midpoint, power, low, high] = numbers;
+        Impedance { flat, small_power, k, b, dmin, dmax, inverse_width, midpoint, power, low, high }
+    }
+}
+
 table! {
     /// A pair of geoms that may touch.
     pub struct Pair {
@@ -234,6 +245,8 @@ table! {
         /// Whether those dofs lie on different branches, so that the pair's contacts couple dofs that the inertia
         /// matrix does not.
         pub cross: bool,
+        /// What moves.
+        pub sides: Sides,
         real:
         /// Distance below which contacts act.
         pub margin: T,
@@ -248,6 +261,17 @@ table! {
         /// Sum of the bodies' translational inverse weights: Â of the normal.
         pub invweight: T,
     } T
+}
+
+/// What moves at a contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Sides {
+    /// One side stands still.
+    One,
+    /// Both sides are links of one tree.
+    Two,
+    /// The sides are of different trees.
+    Apart,
 }
 
 /// One degree of freedom of a pair's relative Jacobian.

@@ -1,56 +1,51 @@
-//! Contacts with one moving side: between a link and the components of the contacts on it.
+//! Contacts with sides in one tree: between links and the components of the contacts on them.
 //!
-//! What one contact does is a function of its law, its components and its link, for which code can be made. The list is
-//! worked through in runs of one kind, so that there are few calls of that code.
+//! What one contact does is a function of its law, its components and its links, for which code can be made. The list is
+//! worked through kind by kind, so that there are few calls of that code.
 
 use super::cone::{self, Stiffness};
-use super::edges::{self, Edges};
-use crate::code::Code;
-use crate::constraint::{Cone, Constraint, ContactRow, Law};
+use super::edges;
+use super::line::Line;
+use super::{Problem, SolverWork};
+use crate::code::{Code, ContactPart};
+use crate::constraint::{Constraint, ContactRow, Kind, Law};
 use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::{Spatial, dot6};
-use crate::math::vec3::{build, scale_add};
-use crate::model::NONE;
+use crate::math::vec3::{build, scale_add, sub};
+use crate::model::{NONE, Sides};
 
 /// A symmetric 6×6 matrix, lower triangle by rows.
 pub type Sym6<L> = [L; 21];
 
-/// What the shape of a contact's equations depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kind {
-    /// Cone.
-    pub cone: Cone,
-    /// Number of components.
-    pub dim: u32,
-}
-
-/// Listed contacts of one kind, one after the other; those with two moving sides among them are left out.
+/// Listed contacts of one kind.
 #[derive(Clone, Copy, Debug)]
 pub struct Contacts<'a> {
     /// Their kind.
     pub kind: Kind,
-    /// How many such runs are before it in the block's list.
+    /// Place of the kind among those of the model.
     pub number: usize,
     rows: &'a [ContactRow],
 }
 
 impl<'a> Contacts<'a> {
-    /// Those of the list.
+    /// Those of the list with sides in one tree.
     pub fn runs<L: Lane>(constraint: &'a Constraint<L>) -> impl Iterator<Item = Contacts<'a>> {
-        let kind = |row: &ContactRow| Kind { cone: row.cone, dim: row.dim };
-        let runs = constraint.contact_rows.chunk_by(move |a, b| kind(a) == kind(b));
-        runs.enumerate().map(move |(number, rows)| Contacts { kind: kind(&rows[0]), number, rows })
+        let rows = &constraint.contact_rows[..];
+        let kinds = constraint.kinds.iter().enumerate();
+        let runs = kinds.map(move |(number, kind)| Contacts { kind: *kind, number, rows });
+        runs.filter(|contacts| contacts.rows().next().is_some())
     }
 
     /// One by one.
     pub fn rows(&self) -> impl Iterator<Item = &'a ContactRow> + Clone + use<'a> {
-        self.rows.iter().filter(|row| row.link != NONE)
+        let kind = self.kind;
+        self.rows.iter().filter(move |row| row.kind() == kind)
     }
 }
 
 /// Entry of a symmetric matrix.
 #[inline(always)]
-pub(super) const fn at(i: usize, j: usize) -> usize {
+pub const fn at(i: usize, j: usize) -> usize {
     if i >= j { i * (i + 1) / 2 + j } else { j * (j + 1) / 2 + i }
 }
 
@@ -62,6 +57,13 @@ pub fn rates<L: Lane>(w: &[Spatial<L>], twist: &Spatial<L>, y: &mut [L]) {
     }
 }
 
+/// What a contact's components measure: the motion of its link, or that relative to another link.
+#[inline(always)]
+pub fn relative<L: Lane>(twist: &[Spatial<L>], row: &ContactRow) -> Spatial<L> {
+    let motion = twist[row.link as usize];
+    if row.other == NONE { motion } else { sub(&motion, &twist[row.other as usize]) }
+}
+
 /// Adds a contact's force to its link's.
 #[inline(always)]
 pub fn push<L: Lane>(w: &[Spatial<L>], force: &[L], wrench: &mut Spatial<L>) {
@@ -70,24 +72,36 @@ pub fn push<L: Lane>(w: &[Spatial<L>], force: &[L], wrench: &mut Spatial<L>) {
     }
 }
 
-/// y = W t - a_ref, and adds twice the contact's cost there.
+/// Subtracts a contact's force from that on the other link.
+#[inline(always)]
+pub fn pull<L: Lane>(w: &[Spatial<L>], force: &[L], wrench: &mut Spatial<L>) {
+    for (f, w) in force.iter().zip(w) {
+        *wrench = scale_add(-*f, w, wrench);
+    }
+}
+
+/// y = W t - a_ref at two accelerations, and adds twice the contact's costs there.
 #[inline(always)]
 pub fn survey<L: Lane>(
     law: Law<'_, L>,
     w: &[Spatial<L>],
-    twist: &Spatial<L>,
+    [cold_twist, warm_twist]: &[Spatial<L>; 2],
     reference: &[L],
-    y: &mut [L],
-    twice: &mut L,
+    [cold, warm]: [&mut [L]; 2],
+    line: &mut Line<L>,
 ) {
-    rates(w, twist, y);
-    for (y, reference) in y.iter_mut().zip(reference) {
-        *y += *reference;
-    }
-    *twice += cone::twice_cost(law, y);
+    let twice = |twist: &Spatial<L>, y: &mut [L]| {
+        rates(w, twist, y);
+        for (y, reference) in y.iter_mut().zip(reference) {
+            *y += *reference;
+        }
+        cone::twice_cost(law, y)
+    };
+    line.set_cold_cost(line.cold_cost() + twice(cold_twist, cold));
+    line.set_warm_cost(line.warm_cost() + twice(warm_twist, warm));
 }
 
-/// J p, and what the line search wants to know of the contact.
+/// J p, what the line search wants to know of the contact, and its part of the slope on a full step.
 #[inline(always)]
 pub fn approach<L: Lane>(
     law: Law<'_, L>,
@@ -96,10 +110,11 @@ pub fn approach<L: Lane>(
     y: &[L],
     jp: &mut [L],
     edges: &mut [L],
-    same: &mut L,
+    line: &mut Line<L>,
 ) {
     rates(w, twist, jp);
-    edges::of_contact(law, y, jp, edges, same);
+    edges::of_contact(law, y, jp, edges, line);
+    edges::slope(law.cone, edges, L::one(), line);
 }
 
 /// Moves y along J p in the lanes of `open`.
@@ -110,7 +125,7 @@ pub fn follow<L: Lane>(step: L, open: L::Mask, y: &mut [L], jp: &[L]) {
     }
 }
 
-/// Moves y, and adds the contact's force there to that on its link.
+/// Moves y, and adds the contact's force there to that on its link, and the opposite to that on the other.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // all that a contact has
 pub fn act<L: Lane>(
@@ -122,10 +137,14 @@ pub fn act<L: Lane>(
     y: &mut [L],
     force: &mut [L],
     wrench: &mut Spatial<L>,
+    other: Option<&mut Spatial<L>>,
 ) {
     follow(step, open, y, jp);
     cone::force(law, y, force);
     push(w, force, wrench);
+    if let Some(other) = other {
+        pull(w, force, other);
+    }
 }
 
 /// Adds the contact's stiffness at y to that of its link.
@@ -172,90 +191,101 @@ fn add_components<L: Lane, const N: usize>(k: &Stiffness<L>, w: &[Spatial<L>], s
     }
 }
 
-/// [`survey`] of the list; returns twice the cost of its contacts.
-pub fn survey_all<L: LaneQuery>(
-    constraint: &Constraint<L>,
-    twist: &[Spatial<L>],
-    code: &mut dyn Code<L>,
-    y: &mut [L],
-) -> L {
-    let mut twice = [L::zero()];
+/// Leaves y in the lanes of `warm`, and takes the other start's in the rest.
+#[inline(always)]
+pub fn choose<L: Lane>(warm: L::Mask, y: &mut [L], cold: &[L]) {
+    for (y, cold) in y.iter_mut().zip(cold) {
+        *y = L::select(warm, *y, *cold);
+    }
+}
+
+/// [`survey`] of the list at the two starts.
+pub fn survey_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    let constraint = problem.constraint;
     for contacts in Contacts::runs(constraint) {
-        if code.survey(constraint, contacts, twist, y, &mut twice) {
+        if code.contact(ContactPart::Survey, contacts, problem, 0, work) {
             continue;
         }
+        let SolverWork { fields, y, jp, line, .. } = work;
         for row in contacts.rows() {
             let range = row.components();
             let (w, reference) = (&constraint.motion[range.clone()], &constraint.reference[range.clone()]);
-            survey(constraint.law(row), w, &twist[row.link as usize], reference, &mut y[range], &mut twice[0]);
+            let twists = [&fields.cold_twist, &fields.twist].map(|twist| relative(twist, row));
+            let y = [&mut jp.component[range.clone()], &mut y.component[range]];
+            survey(constraint.law(row), w, &twists, reference, y, line);
         }
     }
-    twice[0]
 }
 
 /// [`approach`] of the list.
-pub fn approach_all<L: LaneQuery>(
-    constraint: &Constraint<L>,
-    twist: &[Spatial<L>],
-    y: &[L],
-    code: &mut dyn Code<L>,
-    jp: &mut [L],
-    edges: &mut Edges<L>,
-) {
+pub fn approach_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    let constraint = problem.constraint;
     for contacts in Contacts::runs(constraint) {
-        if code.approach(constraint, contacts, twist, y, jp, edges) {
+        if code.contact(ContactPart::Approach, contacts, problem, 0, work) {
             continue;
         }
+        let SolverWork { fields, y, jp, edges, line, .. } = work;
         for row in contacts.rows() {
             let range = row.components();
-            let (w, twist) = (&constraint.motion[range.clone()], &twist[row.link as usize]);
-            let mut same = edges.same[0];
-            approach(constraint.law(row), w, twist, &y[range.clone()], &mut jp[range], edges.of_row(row), &mut same);
-            edges.same[0] = same;
+            let (w, twist) = (&constraint.motion[range.clone()], relative(&fields.twist, row));
+            let (y, jp) = (&y.component[range.clone()], &mut jp.component[range]);
+            approach(constraint.law(row), w, &twist, y, jp, edges.row_mut(row), line);
+        }
+    }
+}
+
+/// [`edges::slope`] of the list at the step that is tried.
+pub fn slope_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    for contacts in Contacts::runs(problem.constraint) {
+        if code.contact(ContactPart::Slope, contacts, problem, 0, work) {
+            continue;
+        }
+        let SolverWork { edges, line, .. } = work;
+        for row in contacts.rows() {
+            edges::slope(row.cone, edges.row(row), line.step(), line);
         }
     }
 }
 
 /// [`act`] of the list.
-#[allow(clippy::too_many_arguments)] // all that contacts have
 pub fn act_all<L: LaneQuery>(
-    constraint: &Constraint<L>,
-    step: L,
+    problem: &Problem<'_, L>,
     open: L::Mask,
-    jp: &[L],
     code: &mut dyn Code<L>,
-    y: &mut [L],
-    force: &mut [L],
-    wrench: &mut [Spatial<L>],
+    work: &mut SolverWork<L>,
 ) {
+    let constraint = problem.constraint;
     for contacts in Contacts::runs(constraint) {
-        if code.act(constraint, contacts, step, L::bits(open), jp, y, force, wrench) {
+        if code.contact(ContactPart::Act, contacts, problem, L::bits(open), work) {
             continue;
         }
+        let SolverWork { fields, y, jp, force, line, .. } = work;
+        let (step, wrench) = (line.step(), &mut fields.wrench);
         for row in contacts.rows() {
             let range = row.components();
-            let (w, jp) = (&constraint.motion[range.clone()], &jp[range.clone()]);
-            let (y, force) = (&mut y[range.clone()], &mut force[range]);
-            act(constraint.law(row), w, step, open, jp, y, force, &mut wrench[row.link as usize]);
+            let (w, jp) = (&constraint.motion[range.clone()], &jp.component[range.clone()]);
+            let (y, force) = (&mut y.component[range.clone()], &mut force.component[range]);
+            let law = constraint.law(row);
+            if row.other == NONE {
+                act(law, w, step, open, jp, y, force, &mut wrench[row.link as usize], None);
+            } else if let Ok([wrench, other]) = wrench.get_disjoint_mut([row.link as usize, row.other as usize]) {
+                act(law, w, step, open, jp, y, force, wrench, Some(other));
+            }
         }
     }
 }
 
-/// [`stiffen`] of the list.
-pub fn stiffen_all<L: LaneQuery>(
-    constraint: &Constraint<L>,
-    y: &[L],
-    code: &mut dyn Code<L>,
-    stiffness: &mut [Sym6<L>],
-) {
-    for contacts in Contacts::runs(constraint) {
-        if code.stiffen(constraint, contacts, y, stiffness) {
+/// [`stiffen`] of those contacts of the list whose one side stands still.
+pub fn stiffen_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    let constraint = problem.constraint;
+    for contacts in Contacts::runs(constraint).filter(|contacts| contacts.kind.sides == Sides::One) {
+        if code.contact(ContactPart::Stiffen, contacts, problem, 0, work) {
             continue;
         }
         for row in contacts.rows() {
             let range = row.components();
-            let (w, y) = (&constraint.motion[range.clone()], &y[range]);
-            stiffen(constraint.law(row), w, y, &mut stiffness[row.link as usize]);
+            let (w, y) = (&constraint.motion[range.clone()], &work.y.component[range]);
+            stiffen(constraint.law(row), w, y, &mut work.fields.stiffness[row.link as usize]);
         }
     }
 }

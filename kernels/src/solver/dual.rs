@@ -6,7 +6,7 @@ use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::ldl;
 use crate::math::spatial::dot6;
-use crate::model::{Model, NONE};
+use crate::model::{Model, NONE, Sides};
 use crate::options;
 
 /// Whether the model's options need the dual problem.
@@ -132,20 +132,20 @@ fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
     b.clear();
     b.resize((dof_rows.len() + reference.len()) * *nv, L::zero());
     let (one, at) = (L::one(), |row: usize, dof: usize| row * *nv + dof);
-    for (r, row) in dof_rows.iter().enumerate() {
-        let dof = row.dof as usize;
-        match row.kind {
+    for (r, law) in constraint.dof_laws().enumerate() {
+        let dof = law.row.dof as usize;
+        match law.row.kind {
             DofRowKind::Friction | DofRowKind::Lower => b[at(r, dof)] = one,
             DofRowKind::Upper => b[at(r, dof)] = -one,
-            DofRowKind::Ball => (0..3).for_each(|k| b[at(r, dof + k)] = -row.axis[k]),
+            DofRowKind::Limit => b[at(r, dof)] = law.sign(),
+            DofRowKind::Ball => (0..3).for_each(|k| b[at(r, dof + k)] = -law.axis()[k]),
         }
     }
     for row in contact_rows {
-        let (first, dim) = (row.component as usize, row.dim as usize);
-        if row.link == NONE {
-            for (dof, column) in rows::two_sided(model, constraint, row) {
-                for (i, j) in column.iter().enumerate() {
-                    b[at(dof_rows.len() + first + i, dof)] = *j;
+        if row.sides != Sides::One {
+            for (dof, column) in rows::columns(model, constraint, row) {
+                for (i, j) in row.components().zip(column) {
+                    b[at(dof_rows.len() + i, dof)] = *j;
                 }
             }
             continue;
@@ -153,7 +153,7 @@ fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
         let mut dof = model.links[row.link as usize].dofs.range().end as u32 - 1;
         while dof != NONE {
             let cdof = &position.cdof[dof as usize];
-            for i in first..first + dim {
+            for i in row.components() {
                 b[at(dof_rows.len() + i, dof as usize)] = dot6(&motion[i], cdof);
             }
             dof = model.dofs[dof as usize].parent;

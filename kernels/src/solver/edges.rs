@@ -1,7 +1,8 @@
-//! The rows of an iterate (limits, pyramid edges, dry friction, elliptic contacts), flat, for the line search.
+//! The contacts of an iterate (pyramid edges, elliptic contacts), flat, for the line search.
 
-use crate::constraint::{Cone, Constraint, ContactRow, DofRowKind, Law};
-use crate::lane::{Lane, LaneQuery, Mask, Real};
+use super::line::Line;
+use crate::constraint::{Cone, Constraint, ContactRow, Law};
+use crate::lane::{Lane, Mask, Real};
 
 /// Numbers of an edge.
 pub const EDGE: usize = 3;
@@ -11,17 +12,11 @@ pub const ELLIPSE: usize = 7;
 /// Along a + α p a one-sided row costs ½ D min(y + α v, 0)².
 #[derive(Clone, Debug)]
 pub struct Edges<L> {
-    /// (y, v, D v) of every limit.
-    limits: Vec<[L; EDGE]>,
-    /// The same of every edge of a contact, at its place in the list of rows.
+    /// (y, v, D v) of every edge of a contact, at its place in the list of rows.
     pub contacts: Vec<[L; EDGE]>,
-    /// Dry friction: (y, v, D, bound).
-    frictions: Vec<[L; 4]>,
     /// Elliptic contacts, at their places in the list: (N, its derivative, T², half its derivative, that one's derivative,
     /// μ̂, κ).
     pub ellipses: Vec<[L; ELLIPSE]>,
-    /// 1 where no contact leaves its quadratic piece of the cost on a full step, else 0.
-    pub same: [L; 1],
 }
 
 /// An elliptic contact along a + α p: N = n + α dn, T² = uu + 2 α uv + α² vv.
@@ -90,17 +85,17 @@ impl<L: Lane> Ellipse<L> {
 
 /// Whether a one-sided row keeps acting, or not acting, on a full step.
 #[inline(always)]
-fn stays<L: Lane>([y, v, dv]: &[L; EDGE]) -> L::Mask {
+pub(super) fn stays<L: Lane>([y, v, dv]: &[L; EDGE]) -> L::Mask {
     let zero = L::zero();
     let z = L::one().mul_add(*v, *y);
     let moved = (y.lt(zero) & !z.lt(zero)) | (z.lt(zero) & !y.lt(zero));
     !moved | dv.eq(zero)
 }
 
-/// Writes the edges of a contact, or its ellipse. `same` becomes 0 where it leaves its quadratic piece of the cost on a full
+/// Writes the edges of a contact, or its ellipse. [`Line::same`] becomes 0 where it leaves its quadratic piece of the cost on a full
 /// step.
 #[inline(always)]
-pub fn of_contact<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], out: &mut [L], same: &mut L) {
+pub fn of_contact<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], out: &mut [L], line: &mut Line<L>) {
     let mut stay = L::Mask::splat(true);
     let mut edge = |out: &mut [L], y: L, v: L| {
         let edge = [y, v, law.d() * v];
@@ -124,19 +119,41 @@ pub fn of_contact<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], out: &mut [L], sam
             out.copy_from_slice(&ellipse.numbers());
         }
     }
-    *same = L::select(stay, *same, L::zero());
+    line.set_same(L::select(stay, line.same(), L::zero()));
 }
 
-impl<L: LaneQuery> Edges<L> {
-    /// Room for the rows of `dof_rows` joints and for `edges` edges of contacts.
-    pub fn with_capacity(dof_rows: usize, edges: usize) -> Self {
-        Edges {
-            limits: Vec::with_capacity(dof_rows),
-            contacts: Vec::with_capacity(edges),
-            frictions: Vec::with_capacity(dof_rows),
-            ellipses: Vec::with_capacity(edges),
-            same: [L::one()],
+/// Adds to first and second derivative by α of a one-sided row's cost.
+#[inline(always)]
+pub(super) fn add_slope<L: Lane>([y, v, dv]: &[L; EDGE], alpha: L, [first, second]: &mut [L; 2]) {
+    let z = alpha.mul_add(*v, *y);
+    *first = z.min(L::zero()).mul_add(*dv, *first);
+    *second = L::select(z.lt(L::zero()), dv.mul_add(*v, *second), *second);
+}
+
+/// Adds a contact's part to slope and curvature at a step.
+#[inline(always)]
+pub fn slope<L: Lane>(cone: Cone, edges: &[L], alpha: L, line: &mut Line<L>) {
+    let mut sum = [L::zero(); 2];
+    if cone == Cone::Ellipse {
+        let (list, _) = edges.as_chunks::<ELLIPSE>();
+        for ellipse in list {
+            let (first, second) = Ellipse::of(*ellipse).slope(alpha);
+            sum = [sum[0] + first, sum[1] + second];
         }
+    } else {
+        let (list, _) = edges.as_chunks::<EDGE>();
+        for edge in list {
+            add_slope(edge, alpha, &mut sum);
+        }
+    }
+    line.set_contact_slope(line.contact_slope() + sum[0]);
+    line.set_contact_curvature(line.contact_curvature() + sum[1]);
+}
+
+impl<L: Lane> Edges<L> {
+    /// Room for `edges` edges of contacts.
+    pub fn with_capacity(edges: usize) -> Self {
+        Edges { contacts: Vec::with_capacity(edges), ellipses: Vec::with_capacity(edges) }
     }
 
     /// Room for the contacts of the constraint's list.
@@ -149,96 +166,39 @@ impl<L: LaneQuery> Edges<L> {
         self.ellipses.resize(end(&|cone| cone == Cone::Ellipse), [L::zero(); ELLIPSE]);
     }
 
-    /// Where a contact's edges or its ellipse are.
+    /// A contact's edges or its ellipse.
     #[inline(always)]
-    pub fn of_row(&mut self, row: &ContactRow) -> &mut [L] {
+    pub fn row(&self, row: &ContactRow) -> &[L] {
         let range = row.edge as usize..row.edge as usize + row.edges();
-        match row.cone {
-            Cone::Ray | Cone::Pyramid => self.contacts[range].as_flattened_mut(),
-            Cone::Ellipse => self.ellipses[range].as_flattened_mut(),
+        if row.cone == Cone::Ellipse {
+            self.ellipses[range].as_flattened()
+        } else {
+            self.contacts[range].as_flattened()
         }
     }
 
-    /// Collects the rows on joints of an iterate with rows `y` and direction `v`, and forgets what contacts do.
-    pub fn collect(&mut self, constraint: &Constraint<L>, y: &[L], v: &[L]) {
-        self.same = [L::one()];
-        self.limits.clear();
-        self.frictions.clear();
-        for ((row, y), v) in constraint.dof_rows.iter().zip(y).zip(v) {
-            if row.kind == DofRowKind::Friction {
-                self.frictions.push([*y, *v, row.d, row.bound]);
-            } else {
-                self.limits.push([*y, *v, row.d * *v]);
-            }
+    /// The same, to be written.
+    #[inline(always)]
+    pub fn row_mut(&mut self, row: &ContactRow) -> &mut [L] {
+        let range = row.edge as usize..row.edge as usize + row.edges();
+        if row.cone == Cone::Ellipse {
+            self.ellipses[range].as_flattened_mut()
+        } else {
+            self.contacts[range].as_flattened_mut()
         }
     }
+}
 
-    /// First and second derivative by α of the rows' cost.
-    fn slope(&self, alpha: L) -> (L, L) {
-        let zero = L::zero();
-        let (mut first, mut second) = (zero, zero);
-        for [y, v, dv] in self.limits.iter().chain(&self.contacts) {
-            let z = alpha.mul_add(*v, *y);
-            first = z.min(zero).mul_add(*dv, first);
-            second += L::select(z.lt(zero), *dv * *v, zero);
-        }
-        for [y, v, d, bound] in &self.frictions {
-            let pull = *d * alpha.mul_add(*v, *y);
-            first = pull.clamp(-*bound, *bound).mul_add(*v, first);
-            second += L::select(pull.abs().lt(*bound), *d * *v * *v, zero);
-        }
-        for ellipse in &self.ellipses {
-            let (slope, curvature) = Ellipse::of(*ellipse).slope(alpha);
-            first += slope;
-            second += curvature;
-        }
-        (first, second)
+impl<L: Copy> Edges<L> {
+    /// The list of contacts of a cone, flat.
+    #[inline(always)]
+    pub fn of_cone(&self, cone: Cone) -> &[L] {
+        if cone == Cone::Ellipse { self.ellipses.as_flattened() } else { self.contacts.as_flattened() }
     }
 
-    /// The step along p that minimises the cost, for the lanes in `active`. `slope` and `curvature` are those of the
-    /// quadratic part; a lane stops when the derivative is below `tolerance`.
-    pub fn search(&self, slope: L, curvature: L, tolerance: L, iterations: u32, active: L::Mask) -> L {
-        let mut alpha = L::one();
-        let (mut low, mut high) = (L::zero(), L::of(f64::MAX));
-        let mut open = active;
-        for _ in 0..iterations {
-            let (first, second) = self.slope(alpha);
-            let first = alpha.mul_add(curvature, slope) + first;
-            let second = curvature + second;
-            open = open & !first.abs().le(tolerance);
-            if !L::any(open) {
-                break;
-            }
-            let falling = first.lt(L::zero());
-            low = L::select(open & falling, alpha, low);
-            high = L::select(open & !falling, alpha, high);
-            let newton = alpha - first / second;
-            let middle = (low + high) * L::of(0.5);
-            let inside = newton.gt(low) & newton.lt(high);
-            // Without a bracket above, a Newton step that rounding stops is the end.
-            let middle = L::select(middle.within(L::Real::MAX), middle, alpha);
-            let next = L::select(inside, newton, middle);
-            // No representable step left.
-            open = open & !next.eq(alpha);
-            alpha = L::select(open, next, alpha);
-        }
-        alpha
-    }
-
-    /// Whether every row stays in one quadratic piece of its cost on a full step: none changes between acting and not
-    /// acting, or sticking and sliding.
-    pub fn unchanged(&self) -> L::Mask {
-        let alpha = L::one();
-        let mut same = self.same[0].eq(alpha);
-        for edge in &self.limits {
-            same = same & stays(edge);
-        }
-        for [y, v, d, bound] in &self.frictions {
-            let (from, to) = (*d * *y, *d * alpha.mul_add(*v, *y));
-            same = same & from.abs().lt(*bound) & to.abs().lt(*bound)
-                | same & from.ge(*bound) & to.ge(*bound)
-                | same & from.le(-*bound) & to.le(-*bound);
-        }
-        same
+    /// The same, to be written.
+    #[inline(always)]
+    pub fn of_cone_mut(&mut self, cone: Cone) -> &mut [L] {
+        if cone == Cone::Ellipse { self.ellipses.as_flattened_mut() } else { self.contacts.as_flattened_mut() }
     }
 }

@@ -4,7 +4,7 @@
 use crate::model::{Model, Pattern, Sizes, Span};
 
 /// The pattern, and the bit sets from which it is made.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Fill {
     /// The filled pattern of the current block.
     pub pattern: Pattern,

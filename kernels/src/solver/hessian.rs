@@ -2,55 +2,61 @@
 //!
 //! Contacts whose one side stands still add a 6×6 stiffness to their link; stiffnesses are pushed down the tree exactly as
 //! the composite rigid body algorithm pushes inertias, so the cost hardly depends on the number of contacts and H keeps
-//! M's sparsity. Contacts between links add their rows' products.
+//! M's sparsity. Contacts whose sides both move add their rows' products.
 
 use super::cone::{self, Stiffness};
 use super::contact::{self, Sym6, at};
-use super::{Problem, Solver, SolverWork, rows};
-use crate::code::Code;
-use crate::constraint::{Constraint, ContactRow, DofRowKind};
+use super::{Problem, Solver, SolverWork, joints};
+use crate::code::{Code, SolverPart};
+use crate::constraint::Law;
 use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::Spatial;
 use crate::math::tree;
 use crate::math::vec3::build;
-use crate::model::{DofKind, Model, NONE};
+use crate::model::{DofKind, NONE, PairDof, Rows, Sides};
 
-/// Fills the Hessian for the current iterate.
+/// Sums the stiffnesses of contacts whose one side stands still, link by link.
+pub fn collect<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    contact::stiffen_all(problem, code, work);
+}
+
+/// Fills the Hessian for the current iterate from the collected stiffnesses.
 pub fn assemble<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
     let Problem { model, constraint, .. } = *problem;
-    let stiffness = &mut work.fields.stiffness;
-    for (stiffness, _) in stiffness.iter_mut().zip(&work.touched).filter(|(_, touched)| **touched) {
-        *stiffness = [L::zero(); 21];
+    if code.solver(SolverPart::Curve, problem, &[], 0, work).is_none() {
+        curve(problem, work);
     }
-    contact::stiffen_all(constraint, &work.y.component, code, stiffness);
-    if !code.curve(problem, &mut work.fields) {
-        curve(problem, &work.touched, &mut work.fields);
-    }
-    let hessian = &mut work.fields.hessian;
-    for (row, y) in constraint.dof_rows.iter().zip(&work.y.dof) {
-        let (_, k) = rows::dof_force(row, *y);
-        let dof = row.dof as usize;
-        if row.kind == DofRowKind::Ball {
-            for i in 0..3 {
-                for j in 0..=i {
-                    let entry = &mut hessian[model.rows.at(dof + i, dof + j)];
-                    *entry = (k * row.axis[i]).mul_add(row.axis[j], *entry);
-                }
-            }
-        } else {
-            hessian[model.rows.diagonal(dof)] += k;
+    for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::One) {
+        if !code.couple(problem, row, work) {
+            let dofs = &model.pair_dofs[model.pairs[row.pair as usize].dofs.range()];
+            let (jacobian, y) = (constraint.jacobian_of(row, dofs.len()), &work.y.component[row.components()]);
+            couple(&model.rows, dofs, constraint.law(row), jacobian, y, &mut work.fields.hessian);
         }
-    }
-    for row in constraint.contact_rows.iter().filter(|row| row.link == NONE) {
-        let (first, dim) = (row.component as usize, row.dim as usize);
-        let k = cone::stiffness(constraint.law(row), &work.y.component[first..first + dim]);
-        add_rows(model, constraint, row, &k, hessian);
     }
 }
 
-/// H = M + Sᵀ K S: pushes the stiffnesses of touched links down the tree, and projects them on the dofs.
-pub fn curve<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver: &mut Solver<L>) {
-    let (model, stiffness) = (problem.model, &mut solver.stiffness);
+/// H += Jᵀ K J of a contact whose sides both move, on the given dofs.
+#[inline(always)]
+pub fn couple<L: Lane>(rows: &Rows, dofs: &[PairDof], law: Law<'_, L>, jacobian: &[L], y: &[L], hessian: &mut [L]) {
+    let k = cone::stiffness(law, y);
+    let columns = || jacobian.chunks_exact(y.len());
+    for (n, (entry, column)) in dofs.iter().zip(columns()).enumerate() {
+        let scaled = times(&k, column);
+        let i = entry.dof as usize;
+        for (entry, column) in dofs[..=n].iter().zip(columns()) {
+            let target = &mut hessian[rows.at(i, entry.dof as usize)];
+            for (k, j) in scaled.iter().zip(column) {
+                *target = k.mul_add(*j, *target);
+            }
+        }
+    }
+}
+
+/// H = M + Sᵀ K S and the stiffness of rows on joints: pushes the stiffnesses of touched links down the tree, and projects
+/// them on the dofs.
+pub fn curve<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let SolverWork { fields, touched, y, .. } = work;
+    let (model, stiffness) = (problem.model, &mut fields.stiffness);
     for (l, link) in model.links.iter().enumerate().rev() {
         if touched[l] && link.parent != NONE {
             let (parents, rest) = stiffness.split_at_mut(l);
@@ -59,31 +65,11 @@ pub fn curve<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver: &mut S
             }
         }
     }
-    project_stiffness(problem, touched, solver);
-}
-
-/// H += Jᵀ K J of a contact between two links.
-#[inline(always)]
-fn add_rows<L: Lane>(
-    model: &Model<L::Real>,
-    constraint: &Constraint<L>,
-    row: &ContactRow,
-    k: &Stiffness<L>,
-    hessian: &mut [L],
-) {
-    let pair = &model.pairs[row.pair as usize];
-    let dofs = &model.pair_dofs[pair.dofs.range()];
-    for (n, (i, column)) in rows::two_sided(model, constraint, row).enumerate() {
-        let scaled = times(k, column);
-        let base = model.rows.start[i] as usize;
-        let first = model.rows.first[i] as usize;
-        for (entry, other) in dofs[..=n].iter().zip(rows::two_sided(model, constraint, row)) {
-            let target = &mut hessian[base + entry.dof as usize - first];
-            for (k, j) in scaled.iter().zip(other.1) {
-                *target = k.mul_add(*j, *target);
-            }
-        }
+    project_stiffness(problem, touched, fields);
+    for (stiffness, _) in fields.stiffness.iter_mut().zip(&*touched).filter(|(_, touched)| **touched) {
+        *stiffness = [L::zero(); 21];
     }
+    joints::stiffen(problem, &y.dof, &mut fields.hessian);
 }
 
 /// K times a column of components.

@@ -11,18 +11,24 @@ mod dual;
 pub mod edges;
 mod fill;
 mod hessian;
+pub mod joints;
+mod line;
 mod newton;
 mod noslip;
 mod pgs;
 mod primal;
 mod qcqp;
 mod residual;
+mod rounds;
 mod rows;
 
-pub use hessian::curve;
+pub use fill::Fill;
+pub use hessian::{couple, curve};
+pub use line::{LINE, Line, Trial, probe};
 pub use newton::{descend, polish};
-pub use primal::motion;
+pub use primal::{choose, depart, motion};
 pub use residual::measure_residual;
+pub use rounds::Rounds;
 pub use rows::{Arrival, gather};
 
 use crate::acceleration::Acceleration;
@@ -30,8 +36,8 @@ use crate::code::Code;
 use crate::constraint::Constraint;
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::{Lane, LaneQuery, Mask};
-use crate::model::{Capacity, Model, NONE, Pattern};
+use crate::lane::{Lane, LaneQuery};
+use crate::model::{Capacity, Model, NONE, Pattern, Sides};
 use crate::options;
 use crate::position::Position;
 use crate::stage::Stage;
@@ -43,6 +49,8 @@ fields! {
         pub qacc: Vec<L> = sizes.nv,
         /// Σ Jᵀf: generalised force of the constraints.
         pub qfrc_constraint: Vec<L> = sizes.nv,
+        /// The same of the current iterate, in lanes that still iterate.
+        pub pull: Vec<L> = sizes.nv,
         /// M a of the current iterate.
         pub ma: Vec<L> = sizes.nv,
         /// Gradient of the cost.
@@ -51,10 +59,6 @@ fields! {
         pub search: Vec<L> = sizes.nv,
         /// M p.
         pub msearch: Vec<L> = sizes.nv,
-        /// Of the quadratic part of the cost along p: its slope and its curvature; and the slope of the whole cost.
-        pub along: Vec<L> = 3,
-        /// The step along p that is taken, in units of p.
-        pub step: Vec<L> = 1,
         /// Hessian, then its factor, stored by `model.rows`.
         pub hessian: Vec<L> = sizes.nm,
         /// D⁻¹ of that factor.
@@ -69,9 +73,12 @@ fields! {
         pub last_scaled: Vec<L> = sizes.nv,
         /// Per link: motion of the vector that is mapped to the rows.
         pub twist: Vec<[L; 6]> = sizes.nlink,
-        /// Per link: force of contacts on it and all that it carries.
+        /// The same without the warm start.
+        pub cold_twist: Vec<[L; 6]> = sizes.nlink,
+        /// Per link: force of contacts on it and all that it carries; zero once that has been passed on.
         pub wrench: Vec<[L; 6]> = sizes.nlink,
-        /// Per link: stiffness JᵀDJ of contacts on it and all that it carries, lower triangle by rows.
+        /// Per link: stiffness JᵀDJ of contacts on it and all that it carries, lower triangle by rows; zero once that has been
+        /// passed on.
         pub stiffness: Vec<[L; 21]> = sizes.nlink,
     } L
 }
@@ -144,21 +151,31 @@ pub struct SolverWork<L> {
     pub force: RowVector<L>,
     /// Forces for the residual; empty until one is asked for.
     pub spare: RowVector<L>,
-    /// One-sided rows, for the line search.
+    /// What is known along p.
+    pub line: Line<L>,
+    /// Contacts, for the line search.
     pub edges: edges::Edges<L>,
     /// Force of each edge of the pyramidal contacts, contact by contact (dual solvers and the no-slip pass).
     pub edge_force: Vec<L>,
     /// Inverse inertia in row space (dual solvers and the no-slip pass).
     pub dual: dual::Dual<L>,
     /// Pattern of the Hessian when contacts join branches.
-    pub fill: fill::Fill,
+    pub fill: Fill,
     /// Links with contacts in the block, or carrying such links.
     pub touched: Vec<bool>,
     /// Statistics of the last solve.
     pub statistics: Statistics<L>,
 }
 
-impl<L: LaneQuery> SolverWork<L> {
+impl<L: Lane> SolverWork<L> {
+    /// Sets the lengths to those of the constraint's lists.
+    pub fn fit(&mut self, constraint: &Constraint<L>) {
+        self.y.fit(constraint);
+        self.jp.fit(constraint);
+        self.force.fit(constraint);
+        self.edges.fit(constraint);
+    }
+
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
@@ -169,10 +186,11 @@ impl<L: LaneQuery> SolverWork<L> {
             jp: RowVector::with_capacity(dof, component),
             force: RowVector::with_capacity(dof, component),
             spare: RowVector::with_capacity(0, 0),
-            edges: edges::Edges::with_capacity(dof, 2 * component),
+            line: Line::new(),
+            edges: edges::Edges::with_capacity(2 * component),
             edge_force: Vec::with_capacity(if dual::needed(model) { 2 * component } else { 0 }),
             dual: dual::Dual::new(model, dof, component),
-            fill: fill::Fill::new(&sizes),
+            fill: Fill::new(&sizes),
             touched: vec![false; model.sizes.nlink],
             statistics: Statistics::none(),
         }
@@ -190,7 +208,8 @@ pub fn solve<L: LaneQuery>(
     code: &mut dyn Code<L>,
     work: &mut SolverWork<L>,
 ) -> L::Mask {
-    prepare(problem.model, problem.constraint, code.every_link(), work);
+    work.fit(problem.constraint);
+    prepare(problem.model, problem.constraint, work);
     let constrained = active_lanes(problem.constraint);
     let options = &problem.model.options;
     let left = match options.solver {
@@ -210,41 +229,23 @@ pub fn solve<L: LaneQuery>(
     left
 }
 
-/// Sizes the row vectors and finds touched links. If forces and stiffnesses of `every` link are read, those of the other
-/// links become zero, and stay so: nobody adds to them.
-fn prepare<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, every: bool, work: &mut SolverWork<L>) {
-    work.y.fit(constraint);
-    work.jp.fit(constraint);
-    work.force.fit(constraint);
-    work.edges.fit(constraint);
+/// Finds touched links.
+fn prepare<L: Lane>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &mut SolverWork<L>) {
     work.touched.fill(false);
-    for row in constraint.contact_rows.iter().filter(|row| row.link != NONE) {
-        let mut l = row.link;
-        while l != NONE && !work.touched[l as usize] {
-            work.touched[l as usize] = true;
-            l = model.links[l as usize].parent;
-        }
-    }
-    if every {
-        let Solver { wrench, stiffness, .. } = &mut work.fields;
-        for (l, _) in work.touched.iter().enumerate().filter(|(_, touched)| !**touched) {
-            wrench[l] = [L::zero(); 6];
-            stiffness[l] = [L::zero(); 21];
+    for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
+        for mut l in [row.link, row.other] {
+            while l != NONE && !work.touched[l as usize] {
+                work.touched[l as usize] = true;
+                l = model.links[l as usize].parent;
+            }
         }
     }
     work.fill.known = false;
 }
 
 /// Worlds in which some row acts.
-fn active_lanes<L: Lane>(constraint: &Constraint<L>) -> L::Mask {
-    let mut active = L::Mask::splat(false);
-    for row in &constraint.dof_rows {
-        active = active | row.d.gt(L::zero());
-    }
-    for strength in &constraint.strengths {
-        active = active | strength[0].gt(L::zero());
-    }
-    active
+fn active_lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
+    L::mask_of(constraint.joint_lanes | constraint.contact_lanes)
 }
 
 /// The pattern of the Hessian when all contacts act that join branches, wider than any that a step can need; `None` if
@@ -252,20 +253,23 @@ fn active_lanes<L: Lane>(constraint: &Constraint<L>) -> L::Mask {
 pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
     let joining: Vec<u32> = (0..model.pairs.len() as u32).filter(|p| model.pairs[*p as usize].cross).collect();
     (!joining.is_empty()).then(|| {
-        let mut fill = fill::Fill::new(&model.sizes);
+        let mut fill = Fill::new(&model.sizes);
         fill.find(model, joining.into_iter());
         fill.pattern
     })
 }
 
-/// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches.
-fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a mut fill::Fill) -> &'a Pattern {
+/// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches or trees.
+fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a Fill) -> &'a Pattern {
+    if problem.constraint.cross { &fill.pattern } else { &problem.model.tree_pattern }
+}
+
+/// The filled pattern, taken out of the work so that the rest can change, and found if it is needed and was not yet.
+fn find_pattern<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) -> Fill {
     let Problem { model, constraint, .. } = problem;
-    if !constraint.cross {
-        return &model.tree_pattern;
+    let mut fill = std::mem::take(&mut work.fill);
+    if constraint.cross && !fill.known {
+        fill.find(model, constraint.contact_rows.iter().map(|row| row.pair));
     }
-    if !fill.known {
-        fill.find(model, constraint.contact_rows.iter().filter(|row| row.link == NONE).map(|row| row.pair));
-    }
-    &fill.pattern
+    fill
 }

@@ -1,7 +1,7 @@
 //! The no-slip pass: friction is solved again without regularisation, normal forces fixed, so that what should stick
 //! does.
 
-use super::{Problem, SolverWork, dual, pgs};
+use super::{Problem, SolverWork, dual, joints, pgs};
 use crate::constraint::{Cone, DofRowKind};
 use crate::lane::{Lane, LaneQuery};
 use crate::math::vec3::build;
@@ -29,14 +29,15 @@ pub fn solve<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut S
 
 /// One pass over dry friction and the friction of contacts.
 fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
-    let constraint = problem.constraint;
+    let Problem { model, constraint, .. } = problem;
     let mut improvement = L::zero();
-    for (r, row) in constraint.dof_rows.iter().enumerate().filter(|(_, row)| row.kind == DofRowKind::Friction) {
+    for (r, law) in constraint.dof_laws().enumerate().filter(|(_, law)| law.row.kind == DofRowKind::Friction) {
+        let bound = joints::bound(model, &law);
         let b = work.dual.dof(r);
         let residual = dual::product(b, &work.dual.z) + work.dual.bias.dof[r];
         let diagonal = dual::product(b, b);
         let f = &mut work.force.dof[r];
-        let (change, gain) = pgs::scalar(f, residual, diagonal, -row.bound, row.bound, open);
+        let (change, gain) = pgs::scalar(f, residual, diagonal, -bound, bound, open);
         improvement += gain;
         work.dual.add_dof(r, change);
     }

@@ -4,10 +4,11 @@
 //! Limits and pyramid edges are scalar rows. An elliptic contact moves along the ray through its force, then its friction
 //! is minimised with the normal force fixed.
 
-use super::{Problem, SolverWork, dual, qcqp, rows};
-use crate::constraint::{Cone, DofRow, DofRowKind, Law};
+use super::{Problem, SolverWork, dual, joints, qcqp, rows};
+use crate::constraint::{Cone, DofLaw, DofRowKind, Law};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::vec3::build;
+use crate::model::Model;
 
 /// Sweeps until the lanes of `open` have converged: a sweep improves the cost by less than the tolerance. Returns the
 /// lanes that reached the limit of sweeps.
@@ -45,11 +46,11 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
     }
     rows::apply(problem, warm, &mut work.fields.twist, &mut work.y);
     rows::add_reference(constraint, &mut work.y);
-    rows::from_y(constraint, &work.y, &mut work.force);
+    rows::from_y(problem, &work.y, &mut work.force);
     edge_forces(constraint, work);
     dual::prepare(problem, work);
     // fᵀA f = z·z, fᵀR f = -y·f where the force map is linear, row by row the same as twice its cost.
-    let mut cost = dual::product(&work.dual.z, &work.dual.z) * L::of(0.5) + rows::cost(constraint, &work.y);
+    let mut cost = dual::product(&work.dual.z, &work.dual.z) * L::of(0.5) + rows::cost(problem, &work.y);
     for (f, bias) in work.force.dof.iter().zip(&work.dual.bias.dof) {
         cost = f.mul_add(*bias, cost);
     }
@@ -83,8 +84,8 @@ pub(super) fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>
 fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
     let constraint = problem.constraint;
     let mut improvement = L::zero();
-    for (r, row) in constraint.dof_rows.iter().enumerate() {
-        improvement += dof_row(r, row, open, work);
+    for (r, law) in constraint.dof_laws().enumerate() {
+        improvement += dof_row(problem.model, r, law, open, work);
     }
     let mut edge = 0;
     for row in &constraint.contact_rows {
@@ -125,15 +126,25 @@ pub(super) fn scalar<L: Lane>(f: &mut L, residual: L, diagonal: L, low: L, high:
     (change, (-(change * (half + residual))).max(change * half))
 }
 
-fn dof_row<L: Lane>(r: usize, row: &DofRow<L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
+fn dof_row<L: Lane>(
+    model: &Model<L::Real>,
+    r: usize,
+    law: DofLaw<'_, L>,
+    open: L::Mask,
+    work: &mut SolverWork<L>,
+) -> L {
     let b = work.dual.dof(r);
-    let regulariser = regulariser(row.d);
+    let regulariser = regulariser(law.d());
     let f = &mut work.force.dof[r];
     let residual = dual::product(b, &work.dual.z) + work.dual.bias.dof[r] + regulariser * *f;
     let diagonal = dual::product(b, b) + regulariser;
-    let (low, high) =
-        if row.kind == DofRowKind::Friction { (-row.bound, row.bound) } else { (L::zero(), L::of(L::Real::MAX)) };
-    let (change, gain) = scalar(f, residual, diagonal, low, high, open & row.d.gt(L::zero()));
+    let (low, high) = if law.row.kind == DofRowKind::Friction {
+        let bound = joints::bound(model, &law);
+        (-bound, bound)
+    } else {
+        (L::zero(), L::of(L::Real::MAX))
+    };
+    let (change, gain) = scalar(f, residual, diagonal, low, high, open & law.d().gt(L::zero()));
     work.dual.add_dof(r, change);
     gain
 }

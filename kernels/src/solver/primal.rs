@@ -4,12 +4,11 @@
 //! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
 //! the minimum, so the solver knows that it is done.
 
-use super::rows::{self, Arrival};
-use super::{Problem, Solver, SolverWork, cg, newton, pattern};
-use crate::code::Code;
+use super::rounds::{Outcome, PartByPart, iterate};
+use super::{Problem, Solver, SolverWork, contact, joints, rows};
+use crate::code::{Code, SolverPart};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::{ldl, tree};
-use crate::options;
 
 /// Iterates from the smooth acceleration plus `warmstart`, or without it if that costs less, until the lanes of `open` have
 /// converged. Returns the lanes that reached the limit of iterations.
@@ -21,57 +20,22 @@ pub fn solve<L: LaneQuery>(
     work: &mut SolverWork<L>,
 ) -> L::Mask {
     code.contacts(problem.constraint);
-    start(problem, warmstart, code, work);
-    let nowhere = L::Mask::splat(false);
-    work.fields.step[0] = L::zero();
-    let converged = rows::follow(problem, nowhere, code, work).converged;
-    let conjugate = problem.model.options.solver == options::Solver::Cg;
-    let mut open = open & !converged;
-    let mut landed = nowhere;
-    let mut niter = L::zero();
-    let mut rounds = 0;
-    while L::any(open) && rounds < problem.model.options.iterations {
-        niter += L::select(open, L::one(), L::zero());
-        if conjugate {
-            cg::direction(problem, rounds == 0, work);
-            if !code.motion(problem, &mut work.fields) {
-                motion(problem, &mut work.fields);
-            }
-        } else {
-            newton::direction(problem, code, work);
-        }
-        let full = search(problem, open, code, work);
-        let Arrival { converged, still } = rows::follow(problem, open, code, work);
-        if !conjugate {
-            landed = landed | (open & full);
-            open = open & !full;
-        }
-        open = open & !still & !converged;
-        rounds += 1;
+    let options = &problem.model.options;
+    let mut outcome = None;
+    if !code.rounds(problem, warmstart, work, &mut |parts| outcome = Some(iterate(options, open, parts))) {
+        outcome = Some(iterate(options, open, &mut PartByPart { problem, warmstart, code, work }));
     }
-    if L::Real::EPSILON > 1e-10 && L::any(landed) {
-        refine(problem, landed, code, work);
-    }
+    let Some(Outcome { open, niter, rounds }) = outcome else { return open };
     work.statistics.niter = niter;
     work.statistics.block_niter = rounds;
     open
 }
 
-/// One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That
-/// is the factor at their solution for the lanes of `landed`, which took a full step within one quadratic piece.
-fn refine<L: LaneQuery>(problem: &Problem<'_, L>, landed: L::Mask, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    if !code.polish(problem, &mut work.fields) {
-        newton::polish(problem, pattern(problem, &mut work.fill), &mut work.fields);
-    }
-    rows::approach(problem, code, work);
-    work.fields.step[0] = L::one();
-    rows::follow(problem, landed, code, work);
-}
-
-/// Sets M p of the search direction p, slopes and curvature along it, and the motion of every link with p.
-pub fn motion<L: Lane>(problem: &Problem<'_, L>, solver: &mut Solver<L>) {
-    let Problem { model, position, inertia, acceleration, .. } = problem;
-    let Solver { search, msearch, along, twist, ma, gradient, .. } = solver;
+/// From the search direction p: M p, slopes and curvature along it, the motion of every link, J p of rows on joints, and the
+/// start of the line search.
+pub fn motion<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let Problem { model, position, inertia, acceleration, constraint } = problem;
+    let Solver { search, msearch, twist, ma, gradient, .. } = &mut work.fields;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
     let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
     for i in 0..search.len() {
@@ -79,76 +43,96 @@ pub fn motion<L: Lane>(problem: &Problem<'_, L>, solver: &mut Solver<L>) {
         curvature = search[i].mul_add(msearch[i], curvature);
         descent = search[i].mul_add(gradient[i], descent);
     }
-    along.copy_from_slice(&[slope, curvature, descent]);
+    work.line.set_slope(slope);
+    work.line.set_curvature(curvature);
+    work.line.set_descent(descent);
     tree::twists(model, &position.cdof, search, twist);
+    joints::rates(constraint, search, &mut work.jp.dof);
+    work.line.begin();
 }
 
-/// Chooses the start: sets qacc, M qacc and y.
-fn start<L: LaneQuery>(problem: &Problem<'_, L>, warmstart: &[L], code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let Problem { model, position, acceleration, .. } = problem;
-    let SolverWork { fields, y, jp, .. } = work;
+/// Chooses the start: sets qacc, M qacc and y, and no step.
+pub(super) fn start<L: LaneQuery>(
+    problem: &Problem<'_, L>,
+    warmstart: &[L],
+    code: &mut dyn Code<L>,
+    work: &mut SolverWork<L>,
+) {
+    if code.solver(SolverPart::Depart, problem, warmstart, 0, work).is_none() {
+        depart(problem, warmstart, work);
+    }
+    let SolverWork { fields, y, jp, line, .. } = work;
+    let (y, cold) = (&mut y.component, &mut jp.component);
+    line.set_cold_cost(line.cold_cost() + rows::survey_apart(problem, &problem.acceleration.qacc_smooth, cold));
+    line.set_warm_cost(line.warm_cost() + rows::survey_apart(problem, &fields.search, y));
+    contact::survey_all(problem, code, work);
+    let warm = match code.solver(SolverPart::Choose, problem, &[], 0, work) {
+        Some([warm, _]) => L::mask_of(warm),
+        None => choose(problem, work),
+    };
+    contact::choose(warm, &mut work.y.component, &work.jp.component);
+}
+
+/// Looks at the smooth acceleration, and at the same plus `warmstart`, which becomes the search direction: the motion of every
+/// link, rows on joints (in J p and in y), and twice the cost but for contacts, and for that of the former's inertia, which is
+/// the measure.
+pub fn depart<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
+    let Problem { model, position, inertia, acceleration, .. } = problem;
+    let Solver { search, msearch, twist, cold_twist, .. } = &mut work.fields;
     let smooth = &acceleration.qacc_smooth;
-    tree::twists(model, &position.cdof, smooth, &mut fields.twist);
-    let cold = rows::survey(problem, smooth, &fields.twist, code, jp);
-    for (warm, (smooth, change)) in fields.search.iter_mut().zip(smooth.iter().zip(warmstart)) {
+    for (warm, (smooth, change)) in search.iter_mut().zip(smooth.iter().zip(warmstart)) {
         *warm = *smooth + *change;
     }
-    if !code.motion(problem, fields) {
-        motion(problem, fields);
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
+    tree::twists(model, &position.cdof, smooth, cold_twist);
+    tree::twists(model, &position.cdof, search, twist);
+    let cold = joints::survey(problem, smooth, &mut work.jp.dof);
+    let mut warm = joints::survey(problem, search, &mut work.y.dof);
+    for i in 0..search.len() {
+        warm = warmstart[i].mul_add(msearch[i] - acceleration.qfrc_smooth[i], warm);
     }
-    let Solver { qacc, ma, twist, search: warm, msearch: mwarm, .. } = fields;
-    let mut twice = rows::survey(problem, warm, twist, code, y);
-    for i in 0..ma.len() {
-        twice = warmstart[i].mul_add(mwarm[i] - acceleration.qfrc_smooth[i], twice);
+    work.line.set_cold_cost(cold);
+    work.line.set_warm_cost(warm);
+}
+
+/// Takes the warm start where it costs less: sets qacc, M qacc and y of rows on joints, and no step. Returns the lanes that
+/// take it.
+pub fn choose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) -> L::Mask {
+    let acceleration = problem.acceleration;
+    let SolverWork { fields, y, jp, line, .. } = work;
+    let Solver { qacc, ma, search, msearch, .. } = fields;
+    let warm = line.warm_cost().lt(line.cold_cost());
+    let warm = if problem.model.options.flags.warmstart { warm } else { L::Mask::splat(false) };
+    for i in 0..qacc.len() {
+        qacc[i] = L::select(warm, search[i], acceleration.qacc_smooth[i]);
+        ma[i] = L::select(warm, msearch[i], acceleration.qfrc_smooth[i]);
     }
-    let use_warm = if model.options.flags.warmstart { twice.lt(cold) } else { L::Mask::splat(false) };
-    for i in 0..ma.len() {
-        qacc[i] = L::select(use_warm, warm[i], smooth[i]);
-        ma[i] = L::select(use_warm, mwarm[i], acceleration.qfrc_smooth[i]);
-    }
-    for (y, cold) in y.dof.iter_mut().zip(&jp.dof).chain(y.component.iter_mut().zip(&jp.component)) {
-        *y = L::select(use_warm, *y, *cold);
-    }
+    contact::choose(warm, &mut y.dof, &jp.dof);
+    // No step along nothing: a warm start that is not a number leaves no trace.
+    search.fill(L::zero());
+    msearch.fill(L::zero());
+    line.set_step(L::zero());
+    line.set_curvature(L::zero());
+    warm
 }
 
 /// Whether the gradient is below the tolerance, scaled by the model's inertia, or lost in rounding.
 pub(super) fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -> L::Mask {
     let Problem { model, acceleration, .. } = problem;
-    let (mut gradient, mut size) = (L::zero(), L::zero());
+    // Sums in parallel: one chain of additions would take longer than all else.
+    let (mut gradients, mut sizes) = ([L::zero(); 4], [[L::zero(); 3]; 2]);
     for i in 0..solver.gradient.len() {
-        let (g, a, b) = (solver.gradient[i], solver.ma[i], solver.qfrc_constraint[i]);
-        let c = acceleration.qfrc_smooth[i];
-        gradient = g.mul_add(g, gradient);
-        size = c.mul_add(c, b.mul_add(b, a.mul_add(a, size)));
+        let g = solver.gradient[i];
+        gradients[i % 4] = g.mul_add(g, gradients[i % 4]);
+        let forces = [solver.ma[i], solver.qfrc_constraint[i], acceleration.qfrc_smooth[i]];
+        for (size, force) in sizes[i % 2].iter_mut().zip(forces) {
+            *size = force.mul_add(force, *size);
+        }
     }
+    let gradient = (gradients[0] + gradients[1]) + (gradients[2] + gradients[3]);
+    let [first, second] = sizes.map(|[a, b, c]| (a + b) + c);
+    let size = first + second;
     let bound = L::of(model.options.tolerance) * L::splat(model.mean_inertia) * L::of(model.sizes.nv as f64);
     let rounding = L::of(2.0 * L::Real::EPSILON);
     gradient.sqrt().le(bound) | gradient.le(rounding * rounding * size)
-}
-
-/// Finds the step along the search direction to the minimum, in the lanes of `open`. Returns those that take a full step on
-/// which no row leaves its quadratic piece.
-fn search<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    open: L::Mask,
-    code: &mut dyn Code<L>,
-    work: &mut SolverWork<L>,
-) -> L::Mask {
-    let options = &problem.model.options;
-    rows::approach(problem, code, work);
-    let Solver { along, step, .. } = &mut work.fields;
-    let (slope, curvature, descent) = (along[0], along[1], along[2]);
-    // Newton's direction is no worse after a rough search; conjugacy is lost by one.
-    let conjugate = options.solver == options::Solver::Cg;
-    let precision = options.ls_tolerance * if conjugate { 1e-6 } else { 1.0 };
-    let tolerance = descent.abs() * L::of(precision.max(8.0 * L::Real::EPSILON));
-    let full = if conjugate { L::Mask::splat(false) } else { work.edges.unchanged() };
-    let searching = open & !full;
-    let alpha = if L::any(searching) {
-        work.edges.search(slope, curvature, tolerance, options.ls_iterations, searching)
-    } else {
-        L::one()
-    };
-    step[0] = L::select(searching, alpha, L::one());
-    full
 }

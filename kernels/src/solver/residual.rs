@@ -1,20 +1,20 @@
 //! How far an acceleration is from the minimum: the residual of the optimality (KKT) conditions.
 
 use super::{Problem, Solver, SolverWork, active_lanes, rows};
-use crate::lane::Lane;
+use crate::lane::LaneQuery;
 use crate::math::ldl;
 
 /// Sets the residual of the statistics, from the acceleration alone: whatever a solver believes, M a - smooth force - Jᵀf
 /// with the forces f that the convex cost has at a. The no-slip pass minimises another cost on purpose; there the residual
 /// says how much friction's regularisation is missing. Nothing that can be asked for changes, the solver's forces neither.
-pub fn measure_residual<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+pub fn measure_residual<L: LaneQuery>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let Problem { model, inertia, acceleration, constraint, .. } = problem;
     let Solver { qacc, ma, twist, .. } = &mut work.fields;
     rows::apply(problem, qacc, twist, &mut work.jp);
     rows::add_reference(constraint, &mut work.jp);
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, qacc, ma);
     work.spare.fit(constraint);
-    rows::from_y(constraint, &work.jp, &mut work.spare);
+    rows::from_y(problem, &work.jp, &mut work.spare);
     swap_results(work);
     rows::transpose(problem, work);
     swap_results(work);

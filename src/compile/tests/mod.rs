@@ -317,6 +317,7 @@ fn pairs_of_a_tree() {
     assert_eq!(dofs(1), [(3, true), (4, true)]);
     assert_eq!(dofs(5), [(1, false), (2, false), (3, true), (4, true)]);
     assert!(tables.pairs[5].cross);
+    assert!(tables.pairs.iter().all(|pair| pair.sides == lanesim_kernels::model::Sides::Two));
     assert_eq!((tables.sizes.nslot, tables.pairs[5].slots), (6, Span { start: 5, len: 1 }));
 }
 

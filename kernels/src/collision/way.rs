@@ -1,0 +1,99 @@
+//! How far geoms can have moved since the step before, from the joints' motion: an upper bound that is cheaper than to look
+//! at the geoms.
+//!
+//! A joint moves a point by at most its angle times the point's distance from it. The distance between two points of a
+//! tree changes by no more than the sum over the joints below its first link, that of points of different trees or of the
+//! world by no more than the sum over all joints and the origin's way, on either side.
+
+use crate::lane::{Lane, Mask, Real};
+use crate::math::vec3::{Vec3, norm, sub};
+use crate::model::{Joint, JointKind, Model, NONE, Shape};
+use crate::position::Position;
+
+use super::Colliders;
+
+/// By which rounding in single precision may lengthen a lever.
+const ROUNDING: f64 = 1.001;
+
+fn length(x: &[f64; 3]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// For every link, how far a geom's centre or a capsule's end, on it or on what it carries, can be from one of its joints,
+/// as long as no slide below the first link of the tree is extended.
+pub fn levers(model: &Model<f64>) -> Vec<f64> {
+    let mut reach = vec![0.0_f64; model.links.len()];
+    for geom in model.geoms.iter().filter(|geom| geom.link != NONE) {
+        let half = if geom.shape == Shape::Capsule { geom.size[1] } else { 0.0 };
+        let reach = &mut reach[geom.link as usize];
+        *reach = reach.max(length(&geom.pos) + half);
+    }
+    for (l, link) in model.links.iter().enumerate().rev() {
+        let anchors: f64 = model.joints[link.joints.range()].iter().map(|joint| length(&joint.pos)).sum();
+        // A joint away from its frame moves the frame by up to twice the distance.
+        reach[l] += 2.0 * anchors;
+        if link.parent != NONE {
+            let parent = link.parent as usize;
+            reach[parent] = reach[parent].max(length(&link.pos) + reach[l]);
+        }
+    }
+    reach.iter().map(|reach| ROUNDING * reach).collect()
+}
+
+/// A bound of the largest distance between a rotation's images of the unit sphere's points, by its quaternions.
+#[inline(always)]
+fn turn<L: Lane>(old: &[L], new: &[L]) -> L {
+    let (mut chord, mut first, mut second) = (L::zero(), L::zero(), L::zero());
+    for (old, new) in old.iter().zip(new).take(4) {
+        let change = *new - *old;
+        chord = change.mul_add(change, chord);
+        first = old.mul_add(*old, first);
+        second = new.mul_add(*new, second);
+    }
+    L::of(2.0) * (chord / first.min(second)).sqrt()
+}
+
+/// How far slides below the first links of trees extend them, now and before.
+#[inline(always)]
+fn extension<L: Lane>(model: &Model<L::Real>, qpos: &[L], colliders: &Colliders<L>) -> L {
+    let inner =
+        |joint: &&Joint<L::Real>| joint.kind == JointKind::Slide && model.links[joint.link as usize].parent != NONE;
+    model.joints.iter().filter(inner).fold(L::zero(), |sum, joint| {
+        let (old, new) = (colliders.qpos[joint.qpos as usize], qpos[joint.qpos as usize]);
+        sum + (new - L::splat(joint.qpos0)).abs() + (new - old).abs()
+    })
+}
+
+/// Finds how far geoms can have moved since it was called last.
+pub fn way<L: Lane>(model: &Model<L::Real>, qpos: &[L], position: &Position<L>, colliders: &mut Colliders<L>) {
+    let extension = extension(model, qpos, colliders);
+    colliders.stir.fill([L::zero(); 2]);
+    for joint in &model.joints {
+        let link = &model.links[joint.link as usize];
+        let first = link.parent == NONE;
+        let (old, new) = (&colliders.qpos[joint.qpos as usize..], &qpos[joint.qpos as usize..]);
+        let lever = L::splat(model.levers[joint.link as usize]) + extension;
+        let stir = &mut colliders.stir[link.tree as usize][usize::from(first)];
+        *stir = match joint.kind {
+            // It moves the origin.
+            JointKind::Slide if first => continue,
+            JointKind::Slide => (new[0] - old[0]).abs() + *stir,
+            JointKind::Hinge => (new[0] - old[0]).abs().mul_add(lever, *stir),
+            JointKind::Ball => turn(old, new).mul_add(lever, *stir),
+            JointKind::Free => turn(&old[3..], &new[3..]).mul_add(lever, *stir),
+        };
+    }
+    colliders.qpos.copy_from_slice(qpos);
+    let mut known = L::Mask::splat(true);
+    let mut longest = [L::zero(); 2];
+    for (t, [inner, outer]) in colliders.stir.iter().enumerate() {
+        let origin: Vec3<L> = sub(&position.origin[t], &colliders.origin[t]);
+        let all = *inner + *outer + norm(&origin);
+        known = known & all.within(L::Real::MAX);
+        longest = [longest[0].max(*inner), longest[1].max(all)];
+        colliders.origin[t] = position.origin[t];
+    }
+    for (way, longest) in colliders.way.iter_mut().zip(longest) {
+        *way = L::select(known, longest, L::of(L::Real::MAX));
+    }
+}

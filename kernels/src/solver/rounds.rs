@@ -1,0 +1,133 @@
+//! The iteration that Newton's method and conjugate gradients share, over its parts, however these are run.
+
+use super::line::{self, Trial};
+use super::rows::{self, Arrival};
+use super::{Problem, SolverWork, cg, find_pattern, newton, pattern, primal};
+use crate::code::{Code, SolverPart};
+use crate::lane::{LaneQuery, Mask, Real};
+use crate::options::{self, Options};
+
+/// The parts of the iteration. Each leaves its results where the next looks for them.
+pub trait Rounds<L: LaneQuery> {
+    /// Chooses where to start, and takes no step.
+    fn start(&mut self);
+    /// Chooses the search direction in the lanes of `open`, and finds what the line search needs. `first`: there was none
+    /// before.
+    fn direct(&mut self, first: bool, open: L::Mask);
+    /// The direction from the factor at hand, in single precision: in all lanes that have been open.
+    fn polish(&mut self);
+    /// [`probe`](super::probe); finds the slope of contacts there, but for the `first` step, whose slope is known.
+    fn probe(&mut self, first: bool, open: L::Mask) -> Trial<L::Mask>;
+    /// Moves the lanes of `open` by the step, and finds forces and gradient.
+    fn follow(&mut self, open: L::Mask) -> Arrival<L::Mask>;
+}
+
+/// How an iteration ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome<L: LaneQuery> {
+    /// Lanes that reached the limit of iterations.
+    pub open: L::Mask,
+    /// Iterations of each world.
+    pub niter: L,
+    /// Iterations of the slowest.
+    pub rounds: u32,
+}
+
+/// Iterates until the lanes of `open` have converged.
+pub fn iterate<L: LaneQuery>(options: &Options, open: L::Mask, parts: &mut dyn Rounds<L>) -> Outcome<L> {
+    parts.start();
+    let (nowhere, everywhere) = (L::Mask::splat(false), L::Mask::splat(true));
+    let converged = parts.follow(everywhere).converged;
+    let conjugate = options.solver == options::Solver::Cg;
+    let mut open = open & !converged;
+    let mut landed = nowhere;
+    let mut niter = L::zero();
+    let mut rounds = 0;
+    while L::any(open) && rounds < options.iterations {
+        niter += L::select(open, L::one(), L::zero());
+        parts.direct(rounds == 0, open);
+        let full = search(options, open, parts);
+        let Arrival { converged, still } = parts.follow(open);
+        landed = landed | (open & full);
+        open = open & !full & !still & !converged;
+        rounds += 1;
+    }
+    // One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That is
+    // the factor at their solution for the lanes that took a full step within one quadratic piece.
+    if !conjugate && L::Real::EPSILON > 1e-10 && L::any(landed) {
+        parts.polish();
+        parts.follow(landed);
+    }
+    Outcome { open, niter, rounds }
+}
+
+/// Finds the step along the search direction to the minimum, in the lanes of `open`. Returns those that take a full step on
+/// which no row leaves its quadratic piece.
+fn search<L: LaneQuery>(options: &Options, open: L::Mask, parts: &mut dyn Rounds<L>) -> L::Mask {
+    let mut trial = Trial { open, full: L::Mask::splat(false) };
+    for round in 0..options.ls_iterations {
+        let next = parts.probe(round == 0, trial.open);
+        trial = Trial { open: next.open, full: trial.full | next.full };
+        if !L::any(trial.open) {
+            break;
+        }
+    }
+    trial.full & open
+}
+
+/// The parts one by one, in kernels, or in code where there is some.
+pub struct PartByPart<'a, L: LaneQuery> {
+    /// What is solved.
+    pub problem: &'a Problem<'a, L>,
+    /// What constraints added to the smooth acceleration in the last step.
+    pub warmstart: &'a [L],
+    /// Code.
+    pub code: &'a mut dyn Code<L>,
+    /// What the solver works with.
+    pub work: &'a mut SolverWork<L>,
+}
+
+impl<L: LaneQuery> Rounds<L> for PartByPart<'_, L> {
+    fn start(&mut self) {
+        primal::start(self.problem, self.warmstart, self.code, self.work);
+    }
+
+    fn direct(&mut self, first: bool, _: L::Mask) {
+        let PartByPart { problem, code, work, .. } = self;
+        if problem.model.options.solver == options::Solver::Cg {
+            cg::direction(problem, first, work);
+            if code.solver(SolverPart::Motion, problem, &[], 0, work).is_none() {
+                primal::motion(problem, work);
+            }
+        } else {
+            newton::direction(problem, *code, work);
+        }
+        rows::approach(problem, *code, work);
+    }
+
+    fn polish(&mut self) {
+        let PartByPart { problem, code, work, .. } = self;
+        let part = SolverPart::Polish { filled: problem.constraint.cross };
+        if code.solver(part, problem, &[], 0, work).is_none() {
+            let fill = find_pattern(problem, work);
+            newton::polish(problem, pattern(problem, &fill), work);
+            work.fill = fill;
+        }
+        rows::approach(problem, *code, work);
+    }
+
+    fn probe(&mut self, first: bool, open: L::Mask) -> Trial<L::Mask> {
+        let PartByPart { problem, code, work, .. } = self;
+        if !first {
+            rows::slope(problem, *code, work);
+        }
+        match code.solver(SolverPart::Probe { first }, problem, &[], L::bits(open), work) {
+            Some([open, full]) => Trial { open: L::mask_of(open), full: L::mask_of(full) },
+            None => line::probe(problem, first, open, work),
+        }
+    }
+
+    fn follow(&mut self, open: L::Mask) -> Arrival<L::Mask> {
+        rows::follow(self.problem, open, self.code, self.work)
+    }
+}
