@@ -2,6 +2,7 @@
 
 mod refused;
 
+use lanesim_kernels::constraint::DofRowKind;
 use lanesim_kernels::model::{AxisKind, NONE, Shape as KernelShape, Span};
 
 use crate::model::{ArrayData, Model};
@@ -486,6 +487,12 @@ fn limits_and_dry_friction() {
     assert_eq!((limit.range, limit.margin, limit.ball), ([-1.0, 1.0], 0.1, false));
     let weight = limit.invweight;
     assert!((loss.r - 0.1 / 0.9 * weight).abs() < 1e-15 * weight && loss.bound == 2.0);
+    let rows = |tables: &_| lanesim_kernels::constraint::all_dof_rows(tables).map(|row| row.kind).collect::<Vec<_>>();
+    assert_eq!(rows(&tables), [DofRowKind::Friction, DofRowKind::Limit]);
+    // Both limits act at once where the margins overlap.
+    let mut narrow = spec.clone();
+    narrow.bodies[1].joints[0].margin = 1.1;
+    assert_eq!(rows(model(&narrow).tables()), [DofRowKind::Friction, DofRowKind::Lower, DofRowKind::Upper]);
     let mut off = spec;
     off.option.flags.constraint = false;
     let tables = model(&off).tables().clone();
