@@ -1,4 +1,4 @@
-//! Names of generated code for Linux's `perf`, which looks for them in `/tmp/perf-<process>.map`.
+//! Names of generated code for Linux's `perf`, which looks for a map of them by process in the directory for temporary files.
 
 use std::fs::OpenOptions;
 use std::io::Write;
