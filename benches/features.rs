@@ -1,7 +1,8 @@
-//! What a feature costs that is there but does nothing: CPU time of a step beside that of the same model without it.
+//! What a feature costs that is there but does nothing: time of a step beside that of the same model without it.
 //!
-//! Worlds are high above the floor at rest, joints in the middle of their ranges, so that no contact or limit acts. Both
-//! models are stepped in turn, in several rounds; the median of the ratios is printed, with the quartiles.
+//! Worlds are high above the floor, joints in the middle of their ranges, so that no contact or limit acts. Both models are
+//! stepped in turn, in several rounds; the median of the ratios is printed, with the quartiles. Arguments name the models of
+//! the zoo, if not all.
 
 use std::error::Error;
 use std::time::Instant;
@@ -10,13 +11,18 @@ use lanesim::mjcf::LoadOptions;
 use lanesim::{Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::model::JointKind;
 
-const WORLDS: usize = 1024;
+const ZOO: [&str; 5] = ["hopper", "cheetah", "ant", "humanoid18", "humanoid27"];
 const STEPS: usize = 20;
+/// Time of a run, s, at least: long beside what it takes to wake a thread, short beside the machine's moods.
+const RUN: f64 = 5e-3;
 /// Models and batches that are made, and pairs of runs of each.
-const ROUNDS: usize = 13;
-const REPEATS: usize = 5;
+const ROUNDS: usize = 7;
+const REPEATS: usize = 21;
 /// Height, m, from which nothing reaches the floor in so few steps.
 const HEIGHT: f64 = 50.0;
+/// Speeds of dofs at the start, at most: slow enough for the middle of a joint's range, and no dof is at rest, so that no
+/// number is so small that it costs more.
+const SPEED: f64 = 0.5;
 
 /// A feature: its name, and the texts and flags of the model with it and without it.
 struct Feature {
@@ -92,65 +98,75 @@ fn calm(like: &Model) -> Vec<f64> {
     qpos
 }
 
-fn batch(model: &Model, precision: Precision) -> Result<Worlds, Box<dyn Error>> {
-    Ok(Worlds::new(model, WORLDS, &Options { precision, threads: Some(1), ..Options::default() })?)
+fn batch(model: &Model, worlds: usize, precision: Precision) -> Result<Worlds, Box<dyn Error>> {
+    Ok(Worlds::new(model, worlds, &Options { precision, threads: Some(1), ..Options::default() })?)
 }
 
-/// CPU time of some steps from `qpos` at rest, s.
+/// Number of worlds for which a run takes long enough.
+fn enough(model: &Model, precision: Precision, qpos: &[f64]) -> Result<usize, Box<dyn Error>> {
+    let mut worlds = 256;
+    loop {
+        let mut batch = batch(model, worlds, precision)?;
+        time(&mut batch, qpos)?;
+        if time(&mut batch, qpos)? > RUN {
+            return Ok(worlds);
+        }
+        worlds *= 2;
+    }
+}
+
+/// Time of some steps from `qpos`, s.
 fn time(worlds: &mut Worlds, qpos: &[f64]) -> Result<f64, Box<dyn Error>> {
-    for world in 0..WORLDS {
+    let nv = worlds.model().tables().sizes.nv;
+    for world in 0..worlds.nworld() {
         worlds.reset(world, None)?;
         worlds.set(Field::Qpos, world, qpos)?;
+        let speed = |dof: usize| SPEED * (1.0 + (world * nv + dof) as f64).sin();
+        worlds.set(Field::Qvel, world, &(0..nv).map(speed).collect::<Vec<f64>>())?;
     }
-    let start = cpu_seconds();
+    let start = Instant::now();
     worlds.step(STEPS)?;
-    Ok(cpu_seconds() - start)
+    Ok(start.elapsed().as_secs_f64())
 }
 
-/// CPU time of all threads of this process as Linux counts it, else wall time, s.
-fn cpu_seconds() -> f64 {
-    let time = |task: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
-        let text = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
-        text.split_whitespace().next()?.parse().ok()
-    };
-    let nanoseconds: Option<f64> = std::fs::read_dir("/proc/self/task").ok().map(|tasks| tasks.filter_map(time).sum());
-    match nanoseconds {
-        Some(sum) if sum > 0.0 => sum * 1e-9,
-        _ => {
-            static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-            START.get_or_init(Instant::now).elapsed().as_secs_f64()
-        }
-    }
-}
-
-/// Quartiles of the ratio of CPU times, and rows that acted after all. Where memory and code happen to lie makes a difference of
-/// several per cent for as long as a batch lives, so every round has its own models and batches, put elsewhere by padding.
+/// Quartiles over the rounds of the ratio of times, and rows that acted after all. Runs of the two models alternate, each so
+/// short that both of a pair see the same machine; what disturbs one of them is an outlier, and a round is its median pair.
+/// Where memory and code happen to lie makes a difference for as long as a batch lives, so every round has its own models
+/// and batches, put elsewhere by padding.
 fn compare(zoo: &str, feature: &Feature, precision: Precision) -> Result<([f64; 3], f64), Box<dyn Error>> {
     let qpos = calm(&model(zoo, |text| (text.to_owned(), &[]))?);
+    let size = enough(&model(zoo, feature.without)?, precision, &qpos)?;
     let mut ratios = Vec::with_capacity(ROUNDS);
     let (mut padding, mut acting) = (vec![], 0.0);
     for round in 0..ROUNDS {
         padding.push(vec![1_u8; 4160 * (1 + 5 * round % 7)]);
         let (with, without) = (model(zoo, feature.with)?, model(zoo, feature.without)?);
-        let (mut a, mut b) = (batch(&with, precision)?, batch(&without, precision)?);
+        let (mut a, mut b) = (batch(&with, size, precision)?, batch(&without, size, precision)?);
         time(&mut a, &qpos)?;
         time(&mut b, &qpos)?;
         acting = a.rollout(&Rollout { nstep: 1, statistics: true, ..Rollout::default() })?.statistics.rows;
-        // The fastest of several: what disturbs only ever adds.
-        let mut fastest = [f64::INFINITY; 2];
-        for _ in 0..REPEATS {
-            fastest[0] = time(&mut a, &qpos)?.min(fastest[0]);
-            fastest[1] = time(&mut b, &qpos)?.min(fastest[1]);
+        let mut pairs = Vec::with_capacity(REPEATS);
+        for repeat in 0..REPEATS {
+            let first = if repeat % 2 == 0 { Some(time(&mut a, &qpos)?) } else { None };
+            let below = time(&mut b, &qpos)?;
+            let above = first.map_or_else(|| time(&mut a, &qpos), Ok)?;
+            pairs.push(above / below);
         }
-        ratios.push(fastest[0] / fastest[1]);
+        ratios.push(quartiles(&mut pairs)[1]);
     }
-    ratios.sort_by(f64::total_cmp);
-    Ok(([1, 2, 3].map(|quarter| ratios[quarter * (ROUNDS - 1) / 4]), acting))
+    Ok((quartiles(&mut ratios), acting))
+}
+
+/// Sorts.
+fn quartiles(numbers: &mut [f64]) -> [f64; 3] {
+    numbers.sort_by(f64::total_cmp);
+    [1, 2, 3].map(|quarter| numbers[quarter * (numbers.len() - 1) / 4])
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("{:<13} {:<30} {:<5} {:>7}  quartiles", "model", "feature", "type", "cost");
-    for zoo in ["hopper", "cheetah", "ant", "humanoid18", "humanoid27"] {
+    let asked: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    for zoo in ZOO.into_iter().filter(|zoo| asked.is_empty() || asked.iter().any(|name| name == zoo)) {
         for feature in &FEATURES {
             for (precision, name) in [(Precision::F32, "f32"), (Precision::F64, "f64")] {
                 let (quartiles, acting) = compare(zoo, feature, precision)?;
