@@ -1,26 +1,30 @@
 //! What a feature costs that is there but does nothing: time of a step beside that of the same model without it.
 //!
-//! Worlds are high above the floor, joints in the middle of their ranges, so that no contact or limit acts. Both models are
-//! stepped in turn, in several rounds; the median of the ratios is printed, with the quartiles. Arguments name the models of
-//! the zoo, if not all.
+//! Worlds are high above the floor, limbs apart and joints away from their limits, so that no contact or limit acts. Both models are
+//! stepped in turn, in several rounds; the median of the ratios is printed, with the quartiles. Arguments are
+//! beginnings of the names of models of the zoo, and of features, if not all are wanted.
 
 use std::error::Error;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use lanesim::mjcf::LoadOptions;
 use lanesim::{Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::model::JointKind;
 
 const ZOO: [&str; 5] = ["hopper", "cheetah", "ant", "humanoid18", "humanoid27"];
-const STEPS: usize = 20;
+const STEPS: usize = 100;
 /// Time of a run, s, at least: long beside what it takes to wake a thread, short beside the machine's moods.
 const RUN: f64 = 5e-3;
+/// Time after which a worker without work sleeps.
+const SLEEP: Duration = Duration::from_millis(1);
 /// Models and batches that are made, and pairs of runs of each.
 const ROUNDS: usize = 7;
 const REPEATS: usize = 21;
 /// Height, m, from which nothing reaches the floor in so few steps.
 const HEIGHT: f64 = 50.0;
-/// Speeds of dofs at the start, at most: slow enough for the middle of a joint's range, and no dof is at rest, so that no
+/// Room that limits leave to joints, at least if they can, rad or m.
+const WAY: f64 = 0.3;
+/// Speeds of dofs at the start, at most: too slow for that way, and no dof is at rest, so that no
 /// number is so small that it costs more.
 const SPEED: f64 = 0.5;
 
@@ -87,7 +91,11 @@ fn calm(like: &Model) -> Vec<f64> {
     let tables = like.tables();
     let mut qpos = tables.qpos0.clone();
     for limit in tables.limits.iter().filter(|limit| !limit.ball) {
-        qpos[limit.qpos as usize] = 0.5 * (limit.range[0] + limit.range[1]);
+        let [low, high] = limit.range;
+        // As near to the reference configuration, where limbs are apart, as the way that joints go allows.
+        let room = WAY.min(0.5 * (high - low));
+        let place = &mut qpos[limit.qpos as usize];
+        *place = place.clamp(low + room, high - room);
     }
     for joint in tables.joints.iter().filter(|joint| joint.kind == JointKind::Free) {
         qpos[joint.qpos as usize + 2] += HEIGHT;
@@ -104,7 +112,7 @@ fn batch(model: &Model, worlds: usize, precision: Precision) -> Result<Worlds, B
 
 /// Number of worlds for which a run takes long enough.
 fn enough(model: &Model, precision: Precision, qpos: &[f64]) -> Result<usize, Box<dyn Error>> {
-    let mut worlds = 256;
+    let mut worlds = 64;
     loop {
         let mut batch = batch(model, worlds, precision)?;
         time(&mut batch, qpos)?;
@@ -124,15 +132,35 @@ fn time(worlds: &mut Worlds, qpos: &[f64]) -> Result<f64, Box<dyn Error>> {
         let speed = |dof: usize| SPEED * (1.0 + (world * nv + dof) as f64).sin();
         worlds.set(Field::Qvel, world, &(0..nv).map(speed).collect::<Vec<f64>>())?;
     }
-    let start = Instant::now();
+    let start = worker_seconds();
     worlds.step(STEPS)?;
-    Ok(start.elapsed().as_secs_f64())
+    Ok(worker_seconds() - start)
+}
+
+/// CPU time of the threads of this process but for its first as Linux counts it, else wall time, s. What the system counts for a
+/// thread is up to date only while it sleeps.
+fn worker_seconds() -> f64 {
+    std::thread::sleep(SLEEP);
+    let main = std::process::id().to_string();
+    let time = |task: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
+        let task = task.ok()?;
+        let text = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
+        if task.file_name().to_str() == Some(&main) { None } else { text.split_whitespace().next()?.parse().ok() }
+    };
+    let nanoseconds: Option<f64> = std::fs::read_dir("/proc/self/task").ok().map(|tasks| tasks.filter_map(time).sum());
+    match nanoseconds {
+        Some(sum) if sum > 0.0 => sum * 1e-9,
+        _ => {
+            static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+            START.get_or_init(Instant::now).elapsed().as_secs_f64()
+        }
+    }
 }
 
 /// Quartiles over the rounds of the ratio of times, and rows that acted after all. Runs of the two models alternate, each so
 /// short that both of a pair see the same machine; what disturbs one of them is an outlier, and a round is its median pair.
-/// Where memory and code happen to lie makes a difference for as long as a batch lives, so every round has its own models
-/// and batches, put elsewhere by padding.
+/// Where memory and code happen to lie makes a difference of a few per cent for as long as a batch lives, so every round has its
+/// own models and batches, put elsewhere by padding.
 fn compare(zoo: &str, feature: &Feature, precision: Precision) -> Result<([f64; 3], f64), Box<dyn Error>> {
     let qpos = calm(&model(zoo, |text| (text.to_owned(), &[]))?);
     let size = enough(&model(zoo, feature.without)?, precision, &qpos)?;
@@ -141,9 +169,19 @@ fn compare(zoo: &str, feature: &Feature, precision: Precision) -> Result<([f64; 
     for round in 0..ROUNDS {
         padding.push(vec![1_u8; 4160 * (1 + 5 * round % 7)]);
         let (with, without) = (model(zoo, feature.with)?, model(zoo, feature.without)?);
-        let (mut a, mut b) = (batch(&with, size, precision)?, batch(&without, size, precision)?);
-        time(&mut a, &qpos)?;
-        time(&mut b, &qpos)?;
+        // Neither is always the first to find room.
+        let (mut a, mut b);
+        if round % 2 == 0 {
+            a = batch(&with, size, precision)?;
+            b = batch(&without, size, precision)?;
+            time(&mut a, &qpos)?;
+            time(&mut b, &qpos)?;
+        } else {
+            b = batch(&without, size, precision)?;
+            a = batch(&with, size, precision)?;
+            time(&mut b, &qpos)?;
+            time(&mut a, &qpos)?;
+        }
         acting = a.rollout(&Rollout { nstep: 1, statistics: true, ..Rollout::default() })?.statistics.rows;
         let mut pairs = Vec::with_capacity(REPEATS);
         for repeat in 0..REPEATS {
@@ -164,10 +202,19 @@ fn quartiles(numbers: &mut [f64]) -> [f64; 3] {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
+    // All threads on one core, which they inherit: where the system puts them otherwise makes a difference of tens of per cent.
+    if let Some(core) = core_affinity::get_core_ids().unwrap_or_default().last() {
+        core_affinity::set_for_current(*core);
+    }
     println!("{:<13} {:<30} {:<5} {:>7}  quartiles", "model", "feature", "type", "cost");
     let asked: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
-    for zoo in ZOO.into_iter().filter(|zoo| asked.is_empty() || asked.iter().any(|name| name == zoo)) {
-        for feature in &FEATURES {
+    let wanted = |all: &[&str], name: &str| {
+        let mut of_kind = asked.iter().filter(|word| all.iter().any(|name| name.starts_with(*word))).peekable();
+        of_kind.peek().is_none() || of_kind.any(|word| name.starts_with(word))
+    };
+    let names = FEATURES.each_ref().map(|feature| feature.name);
+    for zoo in ZOO.into_iter().filter(|zoo| wanted(&ZOO, zoo)) {
+        for feature in FEATURES.iter().filter(|feature| wanted(&names, feature.name)) {
             for (precision, name) in [(Precision::F32, "f32"), (Precision::F64, "f64")] {
                 let (quartiles, acting) = compare(zoo, feature, precision)?;
                 let [low, median, high] = quartiles.map(|ratio| 100.0 * (ratio - 1.0));

@@ -131,6 +131,9 @@ impl<L: LaneQuery> Group<L> {
     /// did.
     pub fn sort(&mut self) -> bool {
         self.rank();
+        if self.present.is_empty() {
+            return false;
+        }
         let key = |seen: &Seen| {
             let bit = |slot: &u32| 1_u64.checked_shl(63_u32.wrapping_sub(self.common[*slot as usize])).unwrap_or(0);
             seen.slots[..seen.len].iter().fold(0, |key, slot| key | bit(slot))

@@ -87,8 +87,8 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
         ("acceleration", "residual" | "twist") | (_, "multipliers") => false,
         // Poses of geoms wait until a pair needs them.
         ("collision", "pos" | "axis") => false,
-        // They tell of the step before, too.
-        ("collision", "way" | "stir") => false,
+        // They tell of steps before, too.
+        ("collision", "way" | "stir" | "travel" | "due") => false,
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
         ("actuation", "length" | "moment") => true,
         ("actuation", _) => model.features.actuation,

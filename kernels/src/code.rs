@@ -3,6 +3,7 @@
 use crate::collision::{Collision, Found, Near};
 use crate::constraint::{Constraint, ContactRow, Motion};
 use crate::lane::LaneQuery;
+use crate::pipeline::Findings;
 use crate::position::Position;
 use crate::solver::contact::Contacts;
 use crate::solver::{Problem, Rounds, SolverWork};
@@ -12,9 +13,14 @@ use crate::workspace::Workspace;
 /// Code that stands in for parts of a step. Every part does what the kernel that its documentation names does, with the
 /// same results up to signs of zeros. A part for which there is no code says so, and the kernel runs.
 pub trait Code<L: LaneQuery> {
-    /// [`smooth`](crate::pipeline::smooth): returns the lanes with unusable controls and those with a singular inertia.
-    /// Unless `keep`, only what later parts of a step read is written.
-    fn smooth(&mut self, _: &State<L>, _: Option<&Applied<L>>, _keep: bool, _: &mut Workspace<L>) -> Option<[u32; 2]> {
+    /// [`smooth`](crate::pipeline::smooth). Unless `keep`, only what later parts of a step read is written.
+    fn smooth(
+        &mut self,
+        _: &State<L>,
+        _: Option<&Applied<L>>,
+        _keep: bool,
+        _: &mut Workspace<L>,
+    ) -> Option<Findings<u32>> {
         None
     }
 

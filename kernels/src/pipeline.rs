@@ -56,30 +56,31 @@ pub fn forward<L: LaneQuery>(
         }
     };
     let coded = if runs(Stage::Acceleration) { run.code.smooth(state, run.applied, run.keep, ws) } else { None };
-    let placed = runs(Stage::Collision) || coded.is_some() && Stage::Collision.present(model);
-    let [bad_controls, singular] = match coded {
-        Some(masks) => {
+    let findings = match coded {
+        Some(findings) => {
             end(Stage::Acceleration);
-            masks
+            findings
         }
         None => smooth(model, state, run.applied, &runs, ws.smooth(), &mut end).map(L::bits),
     };
-    status.record(Status::BAD_CTRL, bad_controls & status.alive);
-    status.record(Status::SINGULAR_INERTIA, singular & status.alive);
-    if placed {
-        ws.collision.moved(alive);
-    }
+    status.record(Status::BAD_CTRL, findings.bad_controls & status.alive);
+    status.record(Status::SINGULAR_INERTIA, findings.singular & status.alive);
     if runs(Stage::Energy) {
         energy::energy(model, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
         end(Stage::Energy);
     }
     if runs(Stage::Collision) {
         let (most, code) = (run.max_contacts, &mut *run.code);
-        let overflow = collision::collide(model, &ws.position, alive, most, run.convex, code, &mut ws.collision);
+        let worlds = [alive, L::mask_of(findings.due)];
+        let overflow =
+            collision::collide(model, (&state.qpos, &ws.position), worlds, most, run.convex, code, &mut ws.collision);
         status.record(Status::CONTACT_OVERFLOW, L::bits(overflow & alive));
         end(Stage::Collision);
     }
-    if runs(Stage::Constraint) {
+    if runs(Stage::Constraint) && ws.collision.slots.is_empty() && findings.joint_rows & status.alive == 0 {
+        ws.constraint.clear();
+        end(Stage::Constraint);
+    } else if runs(Stage::Constraint) {
         if !run.code.dof_rows(state, &mut ws.constraint) {
             constraint::dof_rows(model, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         }
@@ -114,8 +115,42 @@ impl<L> Smooth<'_, L> {
     }
 }
 
-/// From positions to the smooth acceleration, and how far geoms moved: those of its stages for which `runs` holds. Calls `end` after each. Returns
-/// the lanes with unusable controls and those with a singular inertia.
+/// What the smooth stages find, world by world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Findings<M> {
+    /// Controls are unusable.
+    pub bad_controls: M,
+    /// The inertia matrix is singular.
+    pub singular: M,
+    /// Bounding tests of pairs are due.
+    pub due: M,
+    /// Some row on a joint may act.
+    pub joint_rows: M,
+}
+
+impl<M> Findings<M> {
+    /// The same in other terms.
+    pub fn map<N>(self, f: impl Fn(M) -> N) -> Findings<N> {
+        let Findings { bad_controls, singular, due, joint_rows } = self;
+        Findings { bad_controls: f(bad_controls), singular: f(singular), due: f(due), joint_rows: f(joint_rows) }
+    }
+}
+
+impl<M> From<[M; 4]> for Findings<M> {
+    fn from([bad_controls, singular, due, joint_rows]: [M; 4]) -> Self {
+        Findings { bad_controls, singular, due, joint_rows }
+    }
+}
+
+impl<M> From<Findings<M>> for [M; 4] {
+    fn from(findings: Findings<M>) -> Self {
+        let Findings { bad_controls, singular, due, joint_rows } = findings;
+        [bad_controls, singular, due, joint_rows]
+    }
+}
+
+/// From positions to the smooth acceleration, how far geoms moved, and where rows on joints act: those of its stages for which
+/// `runs` holds. Calls `end` after each.
 pub fn smooth<L: Lane>(
     model: &Model<L::Real>,
     state: &State<L>,
@@ -123,14 +158,18 @@ pub fn smooth<L: Lane>(
     runs: &dyn Fn(Stage) -> bool,
     stages: Smooth<'_, L>,
     end: &mut dyn FnMut(Stage),
-) -> [L::Mask; 2] {
+) -> Findings<L::Mask> {
     let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
-    let mut masks = [L::Mask::splat(false); 2];
+    let mut findings = Findings::from([L::Mask::splat(false); 4]);
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
     if runs(Stage::Collision) {
-        collision::way(model, &state.qpos, position, colliders);
+        findings.due = collision::way(model, &state.qpos, position, colliders);
         end(Stage::Collision);
+    }
+    if runs(Stage::Constraint) {
+        findings.joint_rows = constraint::joint_rows(model, &state.qpos, &state.qvel);
+        end(Stage::Constraint);
     }
     if runs(Stage::Inertia) {
         inertia::crb(model, position, inertia);
@@ -145,15 +184,15 @@ pub fn smooth<L: Lane>(
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {
-        masks[0] = actuation::actuation(model, state, passive, actuation);
+        findings.bad_controls = actuation::actuation(model, state, passive, actuation);
         end(Stage::Actuation);
     }
     if runs(Stage::Acceleration) {
         acceleration::smooth_force(model, position, velocity, passive, actuation, applied, acceleration);
-        masks[1] = acceleration::smooth_acceleration(model, position, inertia, acceleration);
+        findings.singular = acceleration::smooth_acceleration(model, position, inertia, acceleration);
         end(Stage::Acceleration);
     }
-    masks
+    findings
 }
 
 /// The constrained acceleration; the smooth one if no row acts in any world. Returns the lanes left unconverged.

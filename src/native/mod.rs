@@ -22,6 +22,7 @@ use lanesim_kernels::collision::{Collision, Found as FoundContact, Near};
 use lanesim_kernels::constraint::{self, Constraint, ContactRow, DofRow, Kind, Motion, all_dof_rows};
 use lanesim_kernels::model::{Model as Tables, Pair, Sides};
 use lanesim_kernels::options;
+use lanesim_kernels::pipeline::Findings;
 use lanesim_kernels::position::Position;
 use lanesim_kernels::solver::contact::Contacts;
 use lanesim_kernels::solver::{Problem, Rounds, SolverWork};
@@ -299,7 +300,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
         applied: Option<&Applied<L>>,
         keep: bool,
         ws: &mut Workspace<L>,
-    ) -> Option<[u32; 2]> {
+    ) -> Option<Findings<u32>> {
         let fragment = self.code.smooth(SmoothKind { applied: applied.is_some(), keep })?;
         let mut fields: [FieldSlice<'_, L::Float>; SMOOTH_FIELDS] = std::array::from_fn(|_| FieldSlice::unused());
         let mut count = 0;
@@ -313,9 +314,9 @@ impl<L: Block> Code<L> for Native<L::Float> {
             put(FieldSlice::read(applied.xfrc_applied.as_flattened()));
         }
         parts::smooth_fields(&self.code.tables, keep, ws.smooth(), &mut |lanes| put(FieldSlice::write(lanes)));
-        let mut masks = [0; 2];
+        let mut masks = [0; 4];
         fragment.run(&mut self.scratch, &mut fields[..count], &[], &mut masks);
-        Some(masks)
+        Some(masks.into())
     }
 
     fn groups(&self) -> usize {

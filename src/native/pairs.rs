@@ -41,6 +41,7 @@ impl<T: Float> NearCode<T> {
             let mut pairs = pairs.to_vec();
             pairs.sort_unstable();
             let Ok(fragment) = record_near(model, &pairs).compile(isa) else { return NearCode { groups: vec![] } };
+            let fragment = fragment.named(&format!("near {}", groups.len()));
             groups.push(Group { pairs, fragment });
             (rest, size) = (later, 2 * size);
         }
@@ -147,7 +148,8 @@ struct KindCode<T> {
 impl<T: Float> KindCode<T> {
     fn get(&self, parallel: bool, isa: InstructionSet) -> Option<&Fragment<T>> {
         let place = if parallel { &self.parallel } else { &self.fragment };
-        place.get_or_init(|| record_narrow(self.kind, parallel).compile(isa).ok()).as_ref()
+        let compile = || Some(record_narrow(self.kind, parallel).compile(isa).ok()?.named(&self.kind.name()));
+        place.get_or_init(compile).as_ref()
     }
 }
 

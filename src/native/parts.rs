@@ -35,6 +35,8 @@ pub fn smooth_fields<'a, L: Lane, T>(
     f(&mut colliders.qpos);
     f(colliders.origin.as_flattened_mut());
     f(&mut colliders.way);
+    f(&mut colliders.travel);
+    f(&mut colliders.due);
     if keep {
         position.for_each(&mut |field| f(field.data));
         inertia.for_each(&mut |field| f(field.data));
@@ -85,7 +87,8 @@ impl<T: Float> Binder<T> {
     }
 }
 
-/// Fields: qpos, qvel, ctrl; forces from outside, if any; those of [`smooth_fields`]. Masks: bad controls, singular inertia.
+/// Fields: qpos, qvel, ctrl; forces from outside, if any; those of [`smooth_fields`]. Masks: the
+/// [findings](pipeline::Findings).
 pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
@@ -120,13 +123,13 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
         binder.input(lanes);
     });
     let present = |stage: Stage| stage.present(model);
-    let masks = pipeline::smooth(model, &state, applied.as_ref(), &present, stages.borrow(), &mut |_| {});
+    let findings = pipeline::smooth(model, &state, applied.as_ref(), &present, stages.borrow(), &mut |_| {});
     let mut field = first;
     smooth_fields(model, kind.keep, stages, &mut |lanes| {
         binder.recording.output(field, lanes);
         field += 1;
     });
-    for mask in masks {
+    for mask in <[_; 4]>::from(findings) {
         binder.recording.mask_output(mask);
     }
     binder.recording.finish()

@@ -19,8 +19,6 @@ use super::pair::{Body, body};
 /// Part of a gap that ways may use up before the pair is tested again: within a tree, and in the world, where two geoms can
 /// approach from both sides. The rest is for rounding.
 const USABLE: [f64; 2] = [0.9, 0.45];
-/// Added to the way at every step, m: more than what rounding takes from a sum of ways.
-const STEP: f64 = 1e-6;
 /// The sum of ways from which on all starts anew, m.
 const LONGEST: f64 = 8.0;
 
@@ -30,7 +28,7 @@ struct Pairs {
     tests: Vec<Test>,
     /// Travel at which each pair is to be tested.
     due: Vec<f64>,
-    /// Sum over the steps of the longest way in any world, m: within a tree, and in the world.
+    /// Sum over all tests of the longest way in any world, m: within a tree, and in the world.
     travel: [f64; 2],
     /// The last summands.
     way: [f64; 2],
@@ -47,8 +45,6 @@ struct Pairs {
 struct Groups<L> {
     /// Travel at which each group is to be tested: by its pairs within a tree, and by others.
     due: Vec<[L; 2]>,
-    /// Sum of the ways over the steps.
-    travel: [L; 2],
 }
 
 /// The bounding tests, and when each is due.
@@ -72,42 +68,44 @@ impl<L: LaneQuery> Broad<L> {
             placed: vec![false; model.geoms.len()],
             alive: 0,
         };
-        let groups = Groups { due: Vec::new(), travel: [L::zero(); 2] };
+        let groups = Groups { due: Vec::new() };
         Broad { pairs, groups, near: vec![0; model.pairs.len()] }
     }
 
-    /// Takes note of how far geoms may have moved since the last step.
-    pub fn advance(&mut self, way: &[L], alive: L::Mask) {
-        if self.groups.due.is_empty() {
-            self.pairs.advance(way, alive);
-        } else {
-            self.groups.advance(way);
-        }
-    }
-
-    /// Finds where pairs are near, in the worlds of `alive`. Whether any may be.
+    /// Finds where pairs are near, in the worlds of `alive`; `due` says in which of them tests of groups are. Whether any may
+    /// be.
     pub fn test(
         &mut self,
         model: &Model<L::Real>,
-        position: &Position<L>,
-        alive: L::Mask,
+        (qpos, position): (&[L], &Position<L>),
+        [alive, due]: [L::Mask; 2],
         code: &mut dyn Code<L>,
         colliders: &mut Colliders<L>,
     ) -> bool {
         let count = code.groups();
         if count == 0 {
+            self.pairs.advance(&colliders.way, alive);
+            colliders.set_out(qpos, position);
             return self.pairs.test(model, position, alive, colliders, &mut self.near);
         }
-        self.groups.due.resize(count, [L::of(-L::Real::MAX); 2]);
+        // Pairs that are near are due at once, so that none is where nothing is due.
+        if !L::any(due & alive) {
+            return false;
+        }
+        let Broad { groups, near, .. } = self;
+        groups.due.resize(count, [L::of(-L::Real::MAX); 2]);
+        groups.begin(colliders);
+        colliders.set_out(qpos, position);
         let mut any = false;
         for group in 0..count {
-            any |= self.groups.is_due(group, alive) && {
+            any |= groups.is_due(group, alive, colliders) && {
                 let mut gaps = [L::zero(); 2];
-                let near = code.near(group, position, L::bits(alive), &mut self.near, &mut gaps);
-                self.groups.postpone(group, &gaps);
-                near
+                let some = code.near(group, position, L::bits(alive), near, &mut gaps);
+                groups.postpone(group, &gaps, colliders);
+                some
             };
         }
+        groups.end(colliders);
         any
     }
 
@@ -120,29 +118,37 @@ impl<L: LaneQuery> Broad<L> {
 }
 
 impl<L: LaneQuery> Groups<L> {
-    fn advance(&mut self, way: &[L]) {
-        let mut ends = L::Mask::splat(false);
-        for (travel, way) in self.travel.iter_mut().zip(way) {
-            *travel += *way + L::of(STEP);
-            ends = ends | !travel.lt(L::of(LONGEST));
+    /// Adds the ways to the travel; starts anew where worlds came from nowhere, or a sum would lose digits.
+    fn begin(&mut self, colliders: &mut Colliders<L>) {
+        let Colliders { travel, way, .. } = colliders;
+        travel.iter_mut().zip(way).for_each(|(travel, way)| *travel += *way);
+        let short = |travel: &L| travel.lt(L::of(LONGEST));
+        let goes_on = colliders.travel.iter().map(short).fold(L::Mask::splat(true), |all, short| all & short);
+        for travel in &mut colliders.travel {
+            *travel = L::select(goes_on, *travel, L::zero());
         }
-        if L::any(ends) {
-            // Worlds that came from nowhere, or a sum that would lose digits.
-            self.travel = [L::zero(); 2];
-            self.due.fill([L::of(-L::Real::MAX); 2]);
+        for due in self.due.as_flattened_mut() {
+            *due = L::select(goes_on, *due, L::of(-L::Real::MAX));
         }
     }
 
     #[inline(always)]
-    fn is_due(&self, group: usize, alive: L::Mask) -> bool {
+    fn is_due(&self, group: usize, alive: L::Mask, colliders: &Colliders<L>) -> bool {
         let [inner, outer] = self.due[group];
-        L::any(!(self.travel[0].lt(inner) & self.travel[1].lt(outer)) & alive)
+        L::any(!(colliders.travel[0].lt(inner) & colliders.travel[1].lt(outer)) & alive)
     }
 
     #[inline(always)]
-    fn postpone(&mut self, group: usize, gaps: &[L; 2]) {
+    fn postpone(&mut self, group: usize, gaps: &[L; 2], colliders: &Colliders<L>) {
         for (i, due) in self.due[group].iter_mut().enumerate() {
-            *due = gaps[i].mul_add(L::of(USABLE[i]), self.travel[i]);
+            *due = gaps[i].mul_add(L::of(USABLE[i]), colliders.travel[i]);
+        }
+    }
+
+    /// Keeps when the next of the groups is due.
+    fn end(&self, colliders: &mut Colliders<L>) {
+        for (i, next) in colliders.due.iter_mut().enumerate() {
+            *next = self.due.iter().fold(L::of(LONGEST), |next, due| due[i].min(next));
         }
     }
 }
@@ -159,7 +165,7 @@ impl Pairs {
         } else {
             for (i, way) in way.iter().enumerate() {
                 let lanes = (0..L::WIDTH).filter(|i| alive >> i & 1 != 0);
-                self.way[i] = STEP + lanes.fold(0.0, |most: f64, i| most.max(way.get(i).to_f64()));
+                self.way[i] = lanes.fold(0.0, |most: f64, i| most.max(way.get(i).to_f64()));
                 self.travel[i] += self.way[i];
             }
         }

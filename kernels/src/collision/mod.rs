@@ -40,15 +40,19 @@ fields! {
         pub pos: Vec<[L; 3]> = sizes.ncollider,
         /// Local z axis in the world.
         pub axis: Vec<[L; 3]> = sizes.ncollider,
-        /// Positions at the last step.
+        /// Positions when pairs were last tested.
         pub qpos: Vec<L> = sizes.nq,
-        /// Origins of trees at the last step.
+        /// Origins of trees then.
         pub origin: Vec<[L; 3]> = sizes.ntree,
-        /// By tree, bounds of the way since the step before, m, from the joints below its first link, and from those of it.
+        /// By tree, bounds of the way since then, m, from the joints below its first link, and from those of it.
         pub stir: Vec<[L; 2]> = sizes.ntree,
-        /// Bounds of the way of any geom since the step before, m, relative to the rest of its tree, and in the world; `MAX`
-        /// where they are not numbers.
+        /// Bounds of the way of any geom since then, m, relative to the rest of its tree, and in the world; `MAX` where they are
+        /// not numbers.
         pub way: Vec<L> = 2,
+        /// Sums of those ways over all tests, each with a little added.
+        pub travel: Vec<L> = 2,
+        /// Travel from which on groups of pairs are to be tested: of pairs within a tree, and of others.
+        pub due: Vec<L> = 2,
     } L
 }
 
@@ -127,11 +131,6 @@ impl<L: LaneQuery> Collision<L> {
         }
     }
 
-    /// Takes note of how far geoms moved.
-    pub fn moved(&mut self, alive: L::Mask) {
-        self.broad.advance(&self.colliders.way, alive);
-    }
-
     /// Bytes of the lists.
     pub fn bytes(&self) -> usize {
         self.found.capacity() * size_of::<Found<L>>() + self.slots.capacity() * size_of::<Slot>()
@@ -166,19 +165,19 @@ pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32
     if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
-/// Finds the contacts of the worlds in `alive`, of whose ways [`Collision::moved`] knows. Returns the lanes in which some
-/// world had more than `capacity` contacts; those beyond it, in the order of pairs, are left out.
+/// Finds the contacts of the worlds in `alive`; `due` are those in which tests are by their [`way`]. Returns the lanes in which
+/// some world had more than `capacity` contacts; those beyond it, in the order of pairs, are left out.
 pub fn collide<L: LaneQuery>(
     model: &Model<L::Real>,
-    position: &Position<L>,
-    alive: L::Mask,
+    (qpos, position): (&[L], &Position<L>),
+    [alive, due]: [L::Mask; 2],
     capacity: usize,
     convex: &dyn ConvexCollider,
     code: &mut dyn Code<L>,
     collision: &mut Collision<L>,
 ) -> L::Mask {
     collision.slots.clear();
-    if !collision.broad.test(model, position, alive, code, &mut collision.colliders) {
+    if !collision.broad.test(model, (qpos, position), [alive, due], code, &mut collision.colliders) {
         return L::Mask::splat(false);
     }
     let Collision { broad, near, found, .. } = collision;

@@ -1,5 +1,5 @@
-//! How far geoms can have moved since the step before, from the joints' motion: an upper bound that is cheaper than to look
-//! at the geoms.
+//! How far geoms can have moved since they were last looked at, from the joints' motion: an upper bound that is cheaper than to
+//! look at them again.
 //!
 //! A joint moves a point by at most its angle times the point's distance from it. The distance between two points of a
 //! tree changes by no more than the sum over the joints below its first link, that of points of different trees or of the
@@ -12,6 +12,8 @@ use crate::position::Position;
 
 use super::Colliders;
 
+/// Added to every way, m: more than what rounding takes from a sum of ways.
+const STEP: f64 = 1e-6;
 /// By which rounding in single precision may lengthen a lever.
 const ROUNDING: f64 = 1.001;
 
@@ -64,8 +66,14 @@ fn extension<L: Lane>(model: &Model<L::Real>, qpos: &[L], colliders: &Colliders<
     })
 }
 
-/// Finds how far geoms can have moved since it was called last.
-pub fn way<L: Lane>(model: &Model<L::Real>, qpos: &[L], position: &Position<L>, colliders: &mut Colliders<L>) {
+/// Finds how far geoms can have moved since pairs were last tested. Returns the worlds that travelled so far, or came from
+/// nowhere, that tests are due.
+pub fn way<L: Lane>(
+    model: &Model<L::Real>,
+    qpos: &[L],
+    position: &Position<L>,
+    colliders: &mut Colliders<L>,
+) -> L::Mask {
     let extension = extension(model, qpos, colliders);
     colliders.stir.fill([L::zero(); 2]);
     for joint in &model.joints {
@@ -83,7 +91,6 @@ pub fn way<L: Lane>(model: &Model<L::Real>, qpos: &[L], position: &Position<L>, 
             JointKind::Free => turn(&old[3..], &new[3..]).mul_add(lever, *stir),
         };
     }
-    colliders.qpos.copy_from_slice(qpos);
     let mut known = L::Mask::splat(true);
     let mut longest = [L::zero(); 2];
     for (t, [inner, outer]) in colliders.stir.iter().enumerate() {
@@ -91,9 +98,20 @@ pub fn way<L: Lane>(model: &Model<L::Real>, qpos: &[L], position: &Position<L>, 
         let all = *inner + *outer + norm(&origin);
         known = known & all.within(L::Real::MAX);
         longest = [longest[0].max(*inner), longest[1].max(all)];
-        colliders.origin[t] = position.origin[t];
     }
-    for (way, longest) in colliders.way.iter_mut().zip(longest) {
-        *way = L::select(known, longest, L::of(L::Real::MAX));
+    let mut passed = L::Mask::splat(true);
+    for (i, longest) in longest.into_iter().enumerate() {
+        let way = L::select(known, longest, L::of(L::Real::MAX)) + L::of(STEP);
+        colliders.way[i] = way;
+        passed = passed & (colliders.travel[i] + way).lt(colliders.due[i]);
+    }
+    !passed
+}
+
+impl<L: Lane> Colliders<L> {
+    /// Measures ways from these positions on.
+    pub(super) fn set_out(&mut self, qpos: &[L], position: &Position<L>) {
+        self.qpos.copy_from_slice(qpos);
+        self.origin.copy_from_slice(&position.origin);
     }
 }

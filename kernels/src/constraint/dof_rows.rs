@@ -1,7 +1,7 @@
 //! Dry friction and joint limits.
 
 use super::{Constraint, DofLanes, DofRow, DofRowKind, impedance};
-use crate::lane::{Lane, LaneQuery, Real};
+use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::quat;
 use crate::math::vec3::{dot, neg, select};
 use crate::model::{Impedance, Limit, Model};
@@ -60,6 +60,18 @@ pub fn dof_lanes<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L], constr
         some = some | lanes[4].gt(L::zero());
     }
     some
+}
+
+/// The worlds in which some row on a joint may act: dry friction always does, and of limits of ball joints it costs as much to
+/// tell as to have the row.
+pub fn joint_rows<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L]) -> L::Mask {
+    all_dof_rows(model).fold(L::Mask::splat(false), |acting, row| {
+        let acts = match row.kind {
+            DofRowKind::Friction | DofRowKind::Ball => L::Mask::splat(true),
+            _ => violation(model, &row, qpos, qvel).pos.lt(L::zero()),
+        };
+        acting | acts
+    })
 }
 
 /// By how much a limit is exceeded.

@@ -13,7 +13,7 @@ mod dof_rows;
 mod impedance;
 
 pub use contacts::{Grip, Motion, NUMBERS, Numbers, both_sides, cone, contact_rows, kinds, numbers, still_side};
-pub use dof_rows::{all_dof_rows, dof_lanes, dof_rows};
+pub use dof_rows::{all_dof_rows, dof_lanes, dof_rows, joint_rows};
 pub use impedance::impedance;
 
 use crate::lane::Lane;
@@ -298,6 +298,15 @@ impl<L: Lane> Constraint<L> {
     #[inline(always)]
     pub fn apart(&self) -> impl Iterator<Item = &ContactRow> {
         self.contact_rows.iter().filter(|row| row.sides == Sides::Apart)
+    }
+
+    /// No row acts in any world.
+    pub fn clear(&mut self) {
+        if self.joint_lanes != 0 {
+            self.dof_lanes.iter_mut().for_each(|lanes| lanes[4] = L::zero());
+        }
+        self.contact_rows.clear();
+        (self.joint_lanes, self.contact_lanes, self.cross) = (0, 0, false);
     }
 
     /// Whether no row acts in any world.
