@@ -93,7 +93,7 @@ pub trait Code<L: LaneQuery> {
         _: &Problem<'_, L>,
         _warmstart: &[L],
         _: &mut SolverWork<L>,
-        _run: &mut dyn FnMut(&mut dyn Rounds<L>),
+        _run: &mut dyn FnMut(&mut dyn Rounds),
     ) -> bool {
         false
     }

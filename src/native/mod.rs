@@ -117,9 +117,19 @@ impl<T: Float> ModelCode<T> {
         operations: impl FnOnce(&Tables<T>) -> usize,
         record: impl FnOnce(&Tables<T>) -> Program<T>,
     ) -> Option<&'a Fragment<T>> {
+        self.get_by(name, part, operations, |tables| record(tables).compile(self.isa))
+    }
+
+    fn get_by<'a>(
+        &self,
+        name: &str,
+        part: &'a Part<T>,
+        operations: impl FnOnce(&Tables<T>) -> usize,
+        compile: impl FnOnce(&Tables<T>) -> Result<Fragment<T>, CompileError>,
+    ) -> Option<&'a Fragment<T>> {
         part.get_or_init(|| {
             let small = operations(&self.tables) <= MOST_OPERATIONS;
-            if small { record(&self.tables).compile(self.isa).ok().map(|code| code.named(name)) } else { None }
+            if small { compile(&self.tables).ok().map(|code| code.named(name)) } else { None }
         })
         .as_ref()
     }
@@ -148,7 +158,11 @@ impl<T: Float> ModelCode<T> {
     fn couple(&self, pair: u32) -> Option<&Fragment<T>> {
         let first = self.first_pair[pair as usize] as usize;
         let operations = |tables: &Tables<T>| tables.sizes.nm;
-        self.get("couple", &self.couple[first], operations, |tables| solver::couple(tables, &tables.pairs[first]))
+        let columns = contacts::COUPLE.map(|(_, column)| column);
+        let program = |tables: &Tables<T>| solver::couple(tables, &tables.pairs[first]);
+        self.get_by("couple", &self.couple[first], operations, |tables| {
+            program(tables).compile_each::<{ contacts::COUPLED }>(self.isa, &columns)
+        })
     }
 
     fn both_sides(&self, pair: u32) -> Option<&Fragment<T>> {
@@ -431,15 +445,10 @@ impl<L: Block> Code<L> for Native<L::Float> {
 
     fn couple(&mut self, problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) -> bool {
         let Some(fragment) = self.code.couple(row.pair) else { return false };
-        let constraint = problem.constraint;
-        let dofs = self.code.tables.pairs[row.pair as usize].dofs.len as usize;
-        let mut fields = [
-            FieldSlice::read(&constraint.strengths[row.strength as usize]),
-            FieldSlice::read(constraint.jacobian_of(row, dofs)),
-            FieldSlice::read(&work.y.component[row.components()]),
-            FieldSlice::write(&mut work.fields.hessian),
-        ];
-        fragment.run(&mut self.scratch, &mut fields, &[], &mut []);
+        let table = fields::table(problem, &[], work);
+        let mut fields: [_; contacts::COUPLE.len()] =
+            fields::pick(&table, contacts::COUPLE.into_iter().map(|(name, _)| name));
+        fragment.run_each(&mut self.scratch, &mut fields, &[], self.places.coupling(row));
         true
     }
 
@@ -448,7 +457,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
         problem: &Problem<'_, L>,
         warmstart: &[L],
         work: &mut SolverWork<L>,
-        run: &mut dyn FnMut(&mut dyn Rounds<L>),
+        run: &mut dyn FnMut(&mut dyn Rounds),
     ) -> bool {
         let Native { code, scratch, places, filled, .. } = self;
         let lent = (scratch, places, filled);

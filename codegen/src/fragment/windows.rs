@@ -30,7 +30,7 @@ struct Extent<const N: usize> {
 #[derive(Clone, Copy, Debug)]
 pub struct WindowsList<'a, const N: usize> {
     pub(super) offsets: &'a [[usize; N]],
-    pub(super) largest: [usize; N],
+    pub(super) largest: &'a [usize; N],
 }
 
 impl<const N: usize> Windows<N> {
@@ -67,6 +67,16 @@ impl<const N: usize> Windows<N> {
         self.offsets.push(starts.map(|start| start.wrapping_mul(BLOCK_BYTES)));
     }
 
+    /// Begins lists with the items of all lists that there are, in the same order.
+    pub fn repeat(&mut self) {
+        let (lists, items) = (self.lists.len(), self.offsets.len());
+        self.offsets.extend_from_within(..);
+        self.lists.extend_from_within(..);
+        for list in &mut self.lists[lists..] {
+            (list.first, list.end) = (list.first + items, list.end + items);
+        }
+    }
+
     /// Drops the items of a list for which `keep` does not hold, by their place in it; the others move up.
     ///
     /// # Panics
@@ -92,8 +102,8 @@ impl<const N: usize> Windows<N> {
     /// If there are not so many.
     #[inline]
     pub fn list(&self, number: usize) -> WindowsList<'_, N> {
-        let Extent { first, end, largest } = self.lists[number];
-        WindowsList { offsets: &self.offsets[first..end], largest }
+        let Extent { first, end, largest } = &self.lists[number];
+        WindowsList { offsets: &self.offsets[*first..*end], largest }
     }
 }
 
@@ -108,11 +118,8 @@ impl<const N: usize> WindowsList<'_, N> {
     #[inline(always)]
     pub(super) fn fit<T: Float>(&self, wanted: &Wanted, field: &FieldSlice<'_, T>) -> bool {
         match self.largest.get(wanted.column) {
-            None => wanted.differs(field) == 0,
-            Some(largest) => {
-                let room = field.len().checked_sub(wanted.len()).map(|room| room / wanted.per_start::<T>());
-                wanted.differs(field) & 3 == 0 && room.is_some_and(|room| *largest <= room)
-            }
+            None => wanted.differs(field.tag) == 0,
+            Some(largest) => wanted.room::<T>(field.tag).is_some_and(|room| *largest <= room),
         }
     }
 
@@ -181,7 +188,7 @@ impl<T: Float> Fragment<T> {
             // SAFETY: as in `run`, for windows: kinds and mutability of all fields have been compared, and from the largest
             // start of any item on, every field with windows has the recorded number of entries; the offsets are those starts.
             // The items are as wide as the code was compiled for, and there is one.
-            unsafe { self.code.run_each(&arguments, windows.offsets.as_flattened()) };
+            unsafe { self.machine.code.run_each(&arguments, windows.offsets.as_flattened()) };
         }
     }
 

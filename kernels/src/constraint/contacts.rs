@@ -56,7 +56,7 @@ pub fn contact_rows<L: LaneQuery>(
 /// Lists the contacts that act in some world, and makes room for their numbers.
 fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
-    constraint.cross = false;
+    (constraint.cross, constraint.coupled) = (false, false);
     constraint.contact_lanes = 0;
     let (mut component, mut jacobian, mut edges, mut ellipses) = (0, 0, 0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {
@@ -67,6 +67,7 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
         }
         constraint.contact_lanes |= lanes;
         constraint.cross |= pair.cross;
+        constraint.coupled |= pair.sides != Sides::One;
         let cone = cone(model, pair);
         let edge = if cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
         let row = ContactRow {
@@ -82,17 +83,27 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
             strength: constraint.contact_rows.len() as u32,
             cone,
             lanes,
+            number: constraint.kind_of_pair[slot.pair as usize],
         };
         component += row.dim;
         jacobian += row.dim * pair.dofs.len;
         *edge += row.edges() as u32;
         constraint.contact_rows.push(row);
     }
-    let (rows, zero) = (constraint.contact_rows.len(), L::zero());
-    constraint.strengths.resize(rows, [zero; 7]);
-    constraint.reference.resize(component as usize, zero);
-    constraint.motion.resize(component as usize, [zero; 6]);
-    constraint.jacobian.resize(jacobian as usize, zero);
+    let zero = L::zero();
+    constraint.components = component as usize;
+    grow(&mut constraint.strengths, constraint.contact_rows.len(), [zero; 7]);
+    grow(&mut constraint.reference, component as usize, zero);
+    grow(&mut constraint.motion, component as usize, [zero; 6]);
+    grow(&mut constraint.jacobian, jacobian as usize, zero);
+}
+
+/// Makes a list as long as that if it is shorter.
+#[inline(always)]
+pub(crate) fn grow<X: Copy>(list: &mut Vec<X>, len: usize, filling: X) {
+    if list.len() < len {
+        list.resize(len, filling);
+    }
 }
 
 /// Numbers of a pair that its contacts' rows are made of: what [`Grip`] has.
@@ -238,10 +249,15 @@ pub fn both_sides<L: Lane>(
     regularise(grip, contact, &speeds, out);
 }
 
+/// The kind of a pair's contacts.
+pub(super) fn kind<T>(model: &Model<T>, pair: &Pair<T>) -> Kind {
+    Kind { sides: pair.sides, cone: cone(model, pair), dim: pair.condim }
+}
+
 /// The kinds of the contacts with sides in one tree that the model can have, in ascending order.
 pub fn kinds<T>(model: &Model<T>) -> Vec<Kind> {
-    let kind = |pair: &Pair<T>| Kind { sides: pair.sides, cone: cone(model, pair), dim: pair.condim };
-    let mut kinds: Vec<Kind> = model.pairs.iter().map(kind).filter(|kind| kind.sides != Sides::Apart).collect();
+    let mut kinds: Vec<Kind> =
+        model.pairs.iter().map(|pair| kind(model, pair)).filter(|kind| kind.sides != Sides::Apart).collect();
     kinds.sort_unstable();
     kinds.dedup();
     kinds
