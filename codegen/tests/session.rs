@@ -35,8 +35,7 @@ fn sums(isa: InstructionSet) -> Fragment<f64> {
 
 fn list(items: &[[usize; 2]]) -> Windows<2> {
     let mut windows = Windows::with_capacity(1, items.len());
-    windows.begin();
-    items.iter().for_each(|item| windows.push(*item));
+    windows.add(items.iter().copied());
     windows
 }
 

@@ -35,9 +35,10 @@ pub trait Code<L: LaneQuery> {
         false
     }
 
-    /// [`integration::euler`](crate::integration::euler) from the solver's acceleration and the sum of forces.
-    fn euler(&mut self, _: &State<L>, _: &mut Workspace<L>) -> bool {
-        false
+    /// [`integration::euler`](crate::integration::euler) from the solver's acceleration and the sum of forces, and
+    /// [`commit`](crate::pipeline::commit) in the worlds of `alive`: returns those whose next state was usable.
+    fn euler(&mut self, _: &mut State<L>, _alive: u32, _: &mut Workspace<L>) -> Option<u32> {
+        None
     }
 
     /// [`constraint::dof_lanes`](crate::constraint::dof_lanes), of all rows on joints that the model has.

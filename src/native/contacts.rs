@@ -122,11 +122,11 @@ impl Places {
         self.open = None;
         for kind in 0..self.kinds {
             let first = self.lanes.len();
-            self.windows.begin();
-            for row in constraint.contact_rows.iter().filter(|row| row.number as usize == kind) {
-                self.windows.push(starts(row));
+            let rows = constraint.contact_rows.iter().filter(|row| row.number as usize == kind);
+            self.windows.add(rows.map(|row| {
                 self.lanes.push(row.lanes);
-            }
+                starts(row)
+            }));
             let len = self.lanes.len() - first;
             self.extents.push((first, len));
             if len != 0 {
@@ -136,8 +136,7 @@ impl Places {
         self.couplings.clear();
         let coupled = constraint.contact_rows.iter().filter(|_| constraint.coupled);
         for row in coupled {
-            self.couplings.begin();
-            self.couplings.push(coupling(row));
+            self.couplings.add(std::iter::once(coupling(row)));
         }
     }
 

@@ -20,6 +20,7 @@ use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, Instruct
 use lanesim_kernels::code::{Code, ContactPart, SolverPart};
 use lanesim_kernels::collision::{Collision, Found as FoundContact, Near};
 use lanesim_kernels::constraint::{self, Constraint, ContactRow, DofRow, Kind, Motion, all_dof_rows};
+use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Model as Tables, Pair, Sides};
 use lanesim_kernels::options;
 use lanesim_kernels::position::Position;
@@ -345,23 +346,29 @@ impl<L: Block> Code<L> for Native<L::Float> {
         code.run(self.code.isa, &mut self.scratch, &mut self.parallel, position, near, found)
     }
 
-    fn euler(&mut self, state: &State<L>, ws: &mut Workspace<L>) -> bool {
-        let Some(fragment) = self.code.euler.get().and_then(Option::as_ref) else { return false };
+    fn euler(&mut self, state: &mut State<L>, alive: u32, ws: &mut Workspace<L>) -> Option<u32> {
+        let fragment = self.code.euler.get().and_then(Option::as_ref)?;
         let solver = &ws.solver.fields;
         let next = &mut ws.integration;
-        let mut fields: [FieldSlice<'_, L::Float>; 9] = [
-            FieldSlice::read(&state.qpos),
-            FieldSlice::read(&state.qvel),
+        let zero = [L::Float::from_f64(0.0)];
+        let mut fields: [FieldSlice<'_, L::Float>; 13] = [
+            FieldSlice::write(&mut state.qpos),
+            FieldSlice::write(&mut state.qvel),
+            FieldSlice::write(&mut state.qacc_warmstart),
+            FieldSlice::write(&mut state.time),
             FieldSlice::read(&ws.inertia.m),
+            FieldSlice::read(&ws.acceleration.qacc_smooth),
             FieldSlice::read(&solver.qacc),
             FieldSlice::read(&ws.acceleration.qfrc_smooth),
             FieldSlice::read(&solver.qfrc_constraint),
+            FieldSlice::uniform(&zero),
             FieldSlice::write(&mut next.qpos),
             FieldSlice::write(&mut next.qvel),
             FieldSlice::write(&mut next.qacc),
         ];
-        fragment.run(&mut self.scratch, &mut fields, &[], &mut []);
-        true
+        let mut good = [0];
+        fragment.run(&mut self.scratch, &mut fields, &[alive], &mut good);
+        Some(good[0])
     }
 
     fn dof_rows(&mut self, state: &State<L>, constraint: &mut Constraint<L>) -> bool {

@@ -45,29 +45,22 @@ impl<const N: usize> Windows<N> {
         self.lists.clear();
     }
 
-    /// Begins another list.
-    pub fn begin(&mut self) {
-        let first = self.offsets.len();
-        self.lists.push(Extent { first, end: first, largest: [0; N] });
-    }
-
-    /// Adds an item to the list that was begun last: the first entry of the window of every column.
-    ///
-    /// # Panics
-    ///
-    /// If no list was begun.
+    /// Adds a list of items: the first entry of the window of every column.
     #[inline]
-    pub fn push(&mut self, starts: [usize; N]) {
-        let list = self.lists.last_mut().expect("a list that was begun");
-        for (largest, start) in list.largest.iter_mut().zip(starts) {
-            *largest = start.max(*largest);
+    pub fn add(&mut self, items: impl Iterator<Item = [usize; N]>) {
+        let first = self.offsets.len();
+        let mut largest = [0; N];
+        for starts in items {
+            for (largest, start) in largest.iter_mut().zip(starts) {
+                *largest = start.max(*largest);
+            }
+            // Offsets that wrap belong to starts beyond every field, which no run accepts.
+            self.offsets.push(starts.map(|start| start.wrapping_mul(BLOCK_BYTES)));
         }
-        list.end += 1;
-        // Offsets that wrap belong to starts beyond every field, which no run accepts.
-        self.offsets.push(starts.map(|start| start.wrapping_mul(BLOCK_BYTES)));
+        self.lists.push(Extent { first, end: self.offsets.len(), largest });
     }
 
-    /// Begins lists with the items of all lists that there are, in the same order.
+    /// Adds lists with the items of all lists that there are, in the same order.
     pub fn repeat(&mut self) {
         let (lists, items) = (self.lists.len(), self.offsets.len());
         self.offsets.extend_from_within(..);
@@ -84,18 +77,22 @@ impl<const N: usize> Windows<N> {
     /// If there are not so many lists.
     pub fn retain(&mut self, number: usize, mut keep: impl FnMut(usize) -> bool) {
         let Extent { first, end, .. } = self.lists[number];
-        let mut kept = first;
-        for item in first..end {
-            if keep(item - first) {
-                self.offsets[kept] = self.offsets[item];
+        let offsets = &mut self.offsets[first..end];
+        let mut kept = 0;
+        for item in 0..offsets.len() {
+            if keep(item) {
+                // Mostly they stay where they are.
+                if kept != item {
+                    offsets[kept] = offsets[item];
+                }
                 kept += 1;
             }
         }
         // The largest starts bound those of fewer items.
-        self.lists[number].end = kept;
+        self.lists[number].end = first + kept;
     }
 
-    /// List by number, in the order in which they were begun.
+    /// List by number, in the order in which they were added.
     ///
     /// # Panics
     ///

@@ -40,6 +40,9 @@ pub fn contact_rows<L: LaneQuery>(
 ) {
     list(model, collision, constraint);
     let still = code.still_sides(motion, collision, constraint);
+    if still && !constraint.coupled {
+        return;
+    }
     for i in 0..constraint.contact_rows.len() {
         let row = constraint.contact_rows[i];
         let coded = match row.sides {
@@ -65,26 +68,15 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
         if lanes == 0 {
             continue;
         }
+        let common = constraint.rows_of_pairs[slot.pair as usize];
         constraint.contact_lanes |= lanes;
-        constraint.cross |= pair.cross;
-        constraint.coupled |= pair.sides != Sides::One;
-        let cone = cone(model, pair);
-        let edge = if cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
-        let row = ContactRow {
-            contact,
-            pair: slot.pair,
-            dim: pair.condim,
-            component,
-            sides: pair.sides,
-            link: reference(pair),
-            other: if pair.sides == Sides::Two { pair.link1 } else { NONE },
-            jacobian,
-            edge: *edge,
-            strength: constraint.contact_rows.len() as u32,
-            cone,
-            lanes,
-            number: constraint.kind_of_pair[slot.pair as usize],
-        };
+        if common.sides != Sides::One {
+            constraint.coupled = true;
+            constraint.cross |= pair.cross;
+        }
+        let edge = if common.cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
+        let strength = constraint.contact_rows.len() as u32;
+        let row = ContactRow { contact, component, lanes, jacobian, edge: *edge, strength, ..common };
         component += row.dim;
         jacobian += row.dim * pair.dofs.len;
         *edge += row.edges() as u32;
@@ -96,6 +88,26 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
     grow(&mut constraint.reference, component as usize, zero);
     grow(&mut constraint.motion, component as usize, [zero; 6]);
     grow(&mut constraint.jacobian, jacobian as usize, zero);
+}
+
+/// What the contacts of a pair have in common.
+pub(super) fn row_of<T>(model: &Model<T>, kinds: &[Kind], number: u32, pair: &Pair<T>) -> ContactRow {
+    let kind = kind(model, pair);
+    ContactRow {
+        contact: 0,
+        pair: number,
+        dim: kind.dim,
+        component: 0,
+        lanes: 0,
+        sides: kind.sides,
+        link: reference(pair),
+        other: if pair.sides == Sides::Two { pair.link1 } else { NONE },
+        jacobian: 0,
+        edge: 0,
+        strength: 0,
+        cone: kind.cone,
+        number: kinds.iter().position(|known| *known == kind).unwrap_or(kinds.len()) as u32,
+    }
 }
 
 /// Makes a list as long as that if it is shorter.
@@ -250,7 +262,7 @@ pub fn both_sides<L: Lane>(
 }
 
 /// The kind of a pair's contacts.
-pub(super) fn kind<T>(model: &Model<T>, pair: &Pair<T>) -> Kind {
+fn kind<T>(model: &Model<T>, pair: &Pair<T>) -> Kind {
     Kind { sides: pair.sides, cone: cone(model, pair), dim: pair.condim }
 }
 

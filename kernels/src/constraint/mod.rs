@@ -226,8 +226,8 @@ pub struct Constraint<L> {
     pub kinds: Vec<Kind>,
     /// Whether the model can have contacts between trees.
     pub between_trees: bool,
-    /// By pair, the number of its kind, see [`ContactRow::number`].
-    pub kind_of_pair: Vec<u32>,
+    /// By pair, what its contacts have in common; their places are 0.
+    pub rows_of_pairs: Vec<ContactRow>,
     /// Contacts that act in some world.
     pub contact_rows: Vec<ContactRow>,
     /// Number of components that those have together.
@@ -251,13 +251,12 @@ impl<L: Lane> Constraint<L> {
     pub fn new(model: &Model<L::Real>) -> Self {
         let capacity = model.capacity();
         let kinds = contacts::kinds(model);
-        let number = |pair| kinds.iter().position(|kind| *kind == contacts::kind(model, pair)).unwrap_or(kinds.len());
         Constraint {
             dof_rows: Vec::with_capacity(capacity.dof_rows),
             dof_lanes: Vec::with_capacity(capacity.dof_rows),
             joint_lanes: 0,
             contact_lanes: 0,
-            kind_of_pair: model.pairs.iter().map(|pair| number(pair) as u32).collect(),
+            rows_of_pairs: (0..).zip(&model.pairs).map(|(p, pair)| contacts::row_of(model, &kinds, p, pair)).collect(),
             kinds,
             between_trees: model.pairs.iter().any(|pair| pair.sides == Sides::Apart),
             contact_rows: Vec::with_capacity(capacity.contacts),
