@@ -15,6 +15,7 @@ use super::{ModelCode, solver};
 
 /// What the type says that holds them: parts for which there is no code are not bound.
 const COMPILED: &str = "all parts have code";
+const BOUND: &str = "a call that was just bound";
 
 /// The pattern of the factor at hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,14 +85,15 @@ impl<'a, L: Block> Bound<'a, L> {
             (SolverPart::Polish { filled: true }, Factor::Filled(place)) => FILLED + 2 * place + 1,
             _ => solver::number(part),
         };
-        if !self.session.has(call) {
-            self.bind(part, call);
+        match self.session.run(call, open) {
+            Some(masks) => masks,
+            None => self.bind(part, call, open),
         }
-        self.session.run(call, open)
     }
 
+    /// Makes a part ready, and runs it.
     #[cold]
-    fn bind(&mut self, part: SolverPart, call: usize) {
+    fn bind(&mut self, part: SolverPart, call: usize, open: u32) -> [u32; 2] {
         let fragment = if call < FILLED {
             self.code.solver(part)
         } else {
@@ -99,6 +101,7 @@ impl<'a, L: Block> Bound<'a, L> {
         };
         let fields = solver::fields(part).0.iter().map(|field| *field as usize);
         self.session.bind(call, fragment.expect(COMPILED), fields);
+        self.session.run(call, open).expect(BOUND)
     }
 
     /// Runs a part of the solver for the contacts that have it.
@@ -111,10 +114,10 @@ impl<'a, L: Block> Bound<'a, L> {
                 continue;
             }
             let call = LISTS + contacts::ALL.len() * number + contacts::number(part);
-            if !self.session.has(call) {
+            if self.session.run_each(call, open, windows).is_none() {
                 bind_contacts::<L>(&mut self.session, self.code, (part, self.kinds[number]), call);
+                self.session.run_each(call, open, windows).expect(BOUND);
             }
-            self.session.run_each(call, open, windows);
         }
     }
 
@@ -123,11 +126,12 @@ impl<'a, L: Block> Bound<'a, L> {
         let pairs = LISTS + contacts::ALL.len() * self.kinds.len();
         for row in couplings(self.both).filter(|row| row.lanes & open != 0) {
             let call = pairs + self.code.first_pair[row.pair as usize] as usize;
-            if !self.session.has(call) {
+            let windows = self.places.coupling(row);
+            if self.session.run_each(call, 0, windows).is_none() {
                 let fields = contacts::COUPLE.into_iter().map(|(field, _)| field as usize);
                 self.session.bind_each(call, self.code.couple(row.pair).expect(COMPILED), fields);
+                self.session.run_each(call, 0, windows).expect(BOUND);
             }
-            self.session.run_each(call, 0, self.places.coupling(row));
         }
     }
 }

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::windows::WindowsList;
-use super::{FieldSlice, Fragment, Machine, Scratch, Wanted};
+use super::{FieldSlice, Fragment, Machine, Scratch};
 use crate::float::{BLOCK_BYTES, Float, Precision};
 use crate::isa::InstructionSet;
 use crate::lower::MaskOutput;
@@ -31,18 +31,19 @@ pub(super) struct Kept {
 }
 
 /// A call. Only what is bound may be run, and only in a session whose fields are those that it was bound to.
-#[derive(Default)]
 struct Bound {
     /// The code and its constants, kept alive; `None`: nothing is bound.
     machine: Option<Arc<Machine>>,
-    isa: Option<InstructionSet>,
+    isa: InstructionSet,
     /// The fields that it has to do with, by their numbers as bits.
     uses: u64,
     /// Number of its fields, and their addresses for every part of the block.
     fields: usize,
     addresses: Vec<usize>,
-    /// Of code for windows: the largest start that all fields have room for, by column.
-    room: Option<Vec<usize>>,
+    /// Number of columns of windows, 0 for code without windows, and the largest start that all fields have room for, by
+    /// column.
+    columns: usize,
+    room: [usize; MOST_COLUMNS],
     /// Bits of the masks returned that the code leaves, and those that are known.
     left: [u32; MASKS],
     known: [u32; MASKS],
@@ -50,8 +51,26 @@ struct Bound {
 
 /// Most masks that a bound call returns. It takes one, or none.
 const MASKS: usize = 2;
-/// Most fields of a session.
+/// Most fields of a session, and most columns of its windows.
 const MOST_FIELDS: usize = u64::BITS as usize;
+const MOST_COLUMNS: usize = 8;
+
+impl Bound {
+    /// Nothing.
+    fn nothing() -> Self {
+        Bound {
+            machine: None,
+            isa: InstructionSet::Avx2,
+            uses: 0,
+            fields: 0,
+            addresses: vec![],
+            columns: 0,
+            room: [0; MOST_COLUMNS],
+            left: [0; MASKS],
+            known: [0; MASKS],
+        }
+    }
+}
 
 impl<'a, T: Float> Session<'a, T> {
     /// Lends fields, up to 64, and keeps the calls that were bound to the same ones.
@@ -81,7 +100,6 @@ impl<'a, T: Float> Session<'a, T> {
     }
 
     /// Whether a call is bound.
-    #[inline(always)]
     pub fn has(&self, call: usize) -> bool {
         self.scratch.kept.calls.get(call).is_some_and(|call| call.machine.is_some())
     }
@@ -100,17 +118,12 @@ impl<'a, T: Float> Session<'a, T> {
     ///
     /// # Panics
     ///
-    /// As [`Fragment::run_each`], but for masks, with a list of one item that starts at 0 everywhere.
+    /// As [`Fragment::run_each`], but for masks, with a list of one item that starts at 0 everywhere; if there are more than 8
+    /// columns.
     pub fn bind_each(&mut self, call: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
         let columns = fragment.columns.as_ref().expect("code for windows");
-        let mut room = vec![usize::MAX; columns.width];
-        for (field, wanted) in fields.clone().zip(&fragment.wanted) {
-            if let Some(room) = room.get_mut(wanted.column) {
-                *room = (*room).min(wanted.room::<T>(self.scratch.kept.fields[field].1).unwrap_or(0));
-            }
-        }
+        assert!(columns.width <= MOST_COLUMNS, "too many columns for a session");
         self.put(call, fragment, fields);
-        self.scratch.kept.calls[call].room = Some(room);
     }
 
     /// Writes a call down, after comparing the fields with what the code wants.
@@ -119,20 +132,23 @@ impl<'a, T: Float> Session<'a, T> {
         self.scratch.reserve(fragment);
         let Kept { fields: lent, calls, .. } = &mut self.scratch.kept;
         if calls.len() <= number {
-            calls.resize_with(number + 1, Bound::default);
+            calls.resize_with(number + 1, Bound::nothing);
         }
         let call = &mut calls[number];
-        (call.machine, call.room, call.uses) = (None, None, 0);
+        (call.machine, call.uses, call.room) = (None, 0, [usize::MAX; MOST_COLUMNS]);
         call.addresses.clear();
         for run in 0..fragment.runs() {
             let mut count = 0;
             for (field, wanted) in fields.clone().zip(&fragment.wanted) {
                 let (start, tag) = lent[field];
-                assert!(
-                    fits::<T>(wanted, tag),
-                    "field {count} is not what the code wants: {:?}",
-                    fragment.fields[count]
-                );
+                let fits = match call.room.get_mut(wanted.column) {
+                    None => wanted.differs(tag) == 0,
+                    Some(most) => wanted.room::<T>(tag).is_some_and(|room| {
+                        *most = room.min(*most);
+                        true
+                    }),
+                };
+                assert!(fits, "field {count} is not what the code wants: {:?}", fragment.fields[count]);
                 call.addresses.push(start.wrapping_add(wanted.offsets[run]));
                 call.uses |= 1 << field;
                 count += 1;
@@ -143,64 +159,69 @@ impl<'a, T: Float> Session<'a, T> {
         let mask = |i: usize| fragment.masks_out.get(i).unwrap_or(&MaskOutput::Known(false));
         call.left = std::array::from_fn(|i| if matches!(mask(i), MaskOutput::Value(_)) { all } else { 0 });
         call.known = std::array::from_fn(|i| if matches!(mask(i), MaskOutput::Known(true)) { all } else { 0 });
-        call.isa = Some(fragment.statistics.isa);
+        call.isa = fragment.statistics.isa;
         call.fields = fragment.fields.len();
+        call.columns = fragment.columns.as_ref().map_or(0, |columns| columns.width);
         call.machine = Some(fragment.machine.clone());
     }
 
-    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns.
+    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns. `None`:
+    /// it is not bound.
     ///
     /// # Panics
     ///
-    /// If the call is not bound, or one for windows.
+    /// If the call is one for windows.
     #[inline]
-    pub fn run(&mut self, call: usize, mask: u32) -> [u32; MASKS] {
-        let (call, slots) = self.call(call);
-        assert!(call.room.is_none(), "code for windows");
+    pub fn run(&mut self, call: usize, mask: u32) -> Option<[u32; MASKS]> {
+        let (call, machine, slots) = self.call(call)?;
+        assert!(call.columns == 0, "code for windows");
         // SAFETY: as in `Fragment::run`: `put` has compared the fields, and `call` vouches for the rest.
-        run_parts::<T>(call, slots, mask, |code, arguments| unsafe { code.run(arguments) })
+        Some(run_parts::<T>((call, machine), slots, mask, |code, arguments| unsafe { code.run(arguments) }))
     }
 
-    /// Runs a call for windows, with the bits of a mask, for code that takes one.
+    /// Runs a call for windows, with the bits of a mask, for code that takes one. `None`: it is not bound.
     ///
     /// # Panics
     ///
-    /// If the call is not bound, it is not one for windows of so many columns, or an item may start so late that a window does
-    /// not lie within its field.
+    /// If the call is not one for windows of so many columns, or an item may start so late that a window does not lie within its
+    /// field.
     #[inline]
-    pub fn run_each<const N: usize>(&mut self, call: usize, mask: u32, windows: WindowsList<'_, N>) {
-        let (call, slots) = self.call(call);
-        let room = call.room.as_deref().and_then(|room| <&[usize; N]>::try_from(room).ok());
-        let room = room.expect("code for windows of other columns");
+    pub fn run_each<const N: usize>(&mut self, call: usize, mask: u32, windows: WindowsList<'_, N>) -> Option<()> {
+        let (call, machine, slots) = self.call(call)?;
+        assert!(call.columns == N && N > 0, "code for windows of other columns");
         // Without a branch for every column.
-        let beyond = windows.largest.iter().zip(room).fold(false, |beyond, (start, room)| beyond | (start > room));
+        let beyond =
+            windows.largest.iter().zip(&call.room).fold(false, |beyond, (start, room)| beyond | (start > room));
         assert!(!beyond, "windows beyond their fields");
         if !windows.is_empty() {
             // SAFETY: as in `Fragment::run_each`: `put` has compared the fields, which have room for windows from all starts
             // of the list, and `call` vouches for the rest.
-            run_parts::<T>(call, slots, mask, |code, arguments| unsafe {
+            run_parts::<T>((call, machine), slots, mask, |code, arguments| unsafe {
                 code.run_each(arguments, windows.offsets.as_flattened());
             });
         }
+        Some(())
     }
 
-    /// A call that is bound, and the scratch for its code. Its fields are those of the session, which borrows them: `new` has
+    /// A call that is bound, its code, and the scratch for it. Its fields are those of the session, which borrows them: `new` has
     /// dropped all calls that had to do with others. The scratch has had room for the code since it was bound.
     #[inline(always)]
-    fn call(&mut self, number: usize) -> (&Bound, *mut u8) {
+    fn call(&mut self, number: usize) -> Option<(&Bound, &Machine, *mut u8)> {
         let Scratch { kept, slots, .. } = &mut *self.scratch;
-        (&kept.calls[number], slots.as_mut_ptr().cast())
+        let call = kept.calls.get(number)?;
+        Some((call, call.machine.as_deref()?, slots.as_mut_ptr().cast()))
     }
 }
 
-/// Whether a field with the tag is what code wants, or, of windows, has one.
-fn fits<T: Float>(wanted: &Wanted, tag: usize) -> bool {
-    if wanted.column == usize::MAX { wanted.differs(tag) == 0 } else { wanted.room::<T>(tag).is_some() }
-}
-
+/// Runs a call on all parts of the block.
 #[inline(always)]
-fn run_parts<T: Float>(call: &Bound, slots: *mut u8, mask: u32, run: impl Fn(&Code, &Arguments)) -> [u32; MASKS] {
-    let (Some(machine), Some(isa)) = (&call.machine, call.isa) else { panic!("a call that is not bound") };
+fn run_parts<T: Float>(
+    (call, machine): (&Bound, &Machine),
+    slots: *mut u8,
+    mask: u32,
+    run: impl Fn(&Code, &Arguments),
+) -> [u32; MASKS] {
+    let isa = call.isa;
     let lanes = isa.vector_bytes() / T::PRECISION.bytes();
     let slots = slots.wrapping_add(super::bias(isa, isa.vector_bytes()));
     let mut masks = call.known;
