@@ -3,11 +3,12 @@
 mod session;
 mod windows;
 
-pub use session::{Call, Session};
+pub use session::Session;
 pub use windows::{Windows, WindowsList};
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
+use std::sync::Arc;
 use std::time::Instant;
 
 use crate::allocate::allocate;
@@ -53,20 +54,6 @@ impl<'a, T: Float> FieldSlice<'a, T> {
     #[inline(always)]
     pub fn again(&self) -> Self {
         FieldSlice { start: self.start, tag: self.tag, borrowed: PhantomData }
-    }
-
-    /// Part of a field of lanes.
-    ///
-    /// # Panics
-    ///
-    /// If it does not lie within the field.
-    #[inline]
-    pub fn part(&self, start: usize, len: usize) -> Self {
-        let fits = start.checked_add(len).is_some_and(|end| end <= self.len());
-        assert!(fits && self.tag & 2 == 0, "{len} lanes from {start} of a field of {}", self.len());
-        // SAFETY: the part lies within the memory that the field borrows.
-        let start = unsafe { self.start.add(start * BLOCK_BYTES) };
-        FieldSlice { start, tag: len << 2 | self.tag & 3, borrowed: PhantomData }
     }
 
     /// A field of numbers that all worlds share.
@@ -139,14 +126,21 @@ impl Wanted {
 
     /// Bits in which the field differs.
     #[inline(always)]
-    fn differs<T>(&self, field: &FieldSlice<'_, T>) -> usize {
-        (field.tag ^ self.tag) & self.mask
+    fn differs(&self, tag: usize) -> usize {
+        (tag ^ self.tag) & self.mask
     }
 
     /// The address of the field for a run on part of a block, by number.
     #[inline(always)]
     fn address<T>(&self, field: &FieldSlice<'_, T>, run: usize) -> *mut u8 {
         field.start.wrapping_add(self.offsets[run])
+    }
+
+    /// Largest start of a window into a field with the tag; `None`: it has no such windows.
+    #[inline(always)]
+    fn room<T: Float>(&self, tag: usize) -> Option<usize> {
+        let room = (tag >> 2).checked_sub(self.len())?;
+        (self.differs(tag) & 3 == 0).then(|| room / self.per_start::<T>())
     }
 }
 
@@ -158,11 +152,8 @@ pub struct Scratch {
     masks_out: Vec<u32>,
     /// Addresses of the fields for one run; of no meaning between runs.
     fields: Vec<*mut u8>,
-    /// Calls of the session that runs, and the addresses of their fields; of no meaning between sessions.
-    bound: Vec<session::Bound>,
-    addresses: Vec<*mut u8>,
-    /// Largest starts of the windows of those calls.
-    largest: Vec<usize>,
+    /// What sessions have bound.
+    kept: session::Kept,
 }
 
 // SAFETY: the addresses are written at the start of every run and not used after it; all else is plain data.
@@ -208,10 +199,26 @@ fn grow<X: Copy>(x: &mut Vec<X>, len: usize, filling: X) {
     }
 }
 
-/// A recorded program as machine code.
-pub struct Fragment<T> {
+/// Code and its constants.
+struct Machine {
     code: Code,
     constants: Vec<Aligned>,
+    /// The same, as the code wants their address: bytes from their start.
+    constants_bias: usize,
+}
+
+impl Machine {
+    /// The address of the constants as the code wants it.
+    #[inline(always)]
+    fn constants(&self) -> *const u8 {
+        self.constants.as_ptr().cast::<u8>().wrapping_add(self.constants_bias)
+    }
+}
+
+/// A recorded program as machine code.
+pub struct Fragment<T> {
+    /// Shared with the calls that sessions keep.
+    machine: Arc<Machine>,
     fields: Vec<FieldUse>,
     /// The same fields.
     wanted: Vec<Wanted>,
@@ -271,8 +278,9 @@ impl<T: Float> Program<T> {
         let column = |field| columns.as_ref().and_then(|columns| columns.of_fields[field]);
         let bound = self.fields.iter().enumerate();
         let wanted = bound.map(|(field, bound)| Wanted::new(bound, column(field), isa, precision)).collect();
+        let constants_bias = constant_bias(isa, precision);
         Ok(Fragment {
-            constants: constants.collect(),
+            machine: Arc::new(Machine { code, constants: constants.collect(), constants_bias }),
             wanted,
             fields: self.fields.clone(),
             masks_in,
@@ -280,7 +288,6 @@ impl<T: Float> Program<T> {
             columns,
             slot_blocks: (allocated.slots as usize * isa.vector_bytes()).div_ceil(BLOCK_BYTES),
             statistics,
-            code,
             real: PhantomData,
         })
     }
@@ -307,14 +314,14 @@ impl<T: Float> Fragment<T> {
         scratch.reserve(self);
         let isa = self.statistics.isa;
         for run in 0..self.runs() {
-            if !self.put_addresses(fields, run, scratch, |wanted, field| wanted.differs(field) == 0) {
+            if !self.put_addresses(fields, run, scratch, |wanted, field| wanted.differs(field.tag) == 0) {
                 self.refuse(fields);
             }
             let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
             // SAFETY: kinds, lengths and mutability of all fields have been compared with those that the code was emitted
             // for; `Block` types and `Aligned` are aligned to 64 bytes; scratch and constants have the lengths that the
             // code was emitted for; the fields' borrows last until the end of this function, mutable where written to.
-            unsafe { self.code.run(&arguments) };
+            unsafe { self.machine.code.run(&arguments) };
             self.collect_masks(&scratch.masks_out, run * isa.vector_bytes() / T::PRECISION.bytes(), masks_out);
         }
     }
@@ -340,7 +347,7 @@ impl<T: Float> Fragment<T> {
         let steps: [usize; N] = std::array::from_fn(|i| field_step(self.fields[i].kind, T::PRECISION));
         let last: [usize; N] = std::array::from_fn(|i| {
             let (field, bound) = (&fields[i], &self.fields[i]);
-            let same = self.wanted[i].differs(field) & 3 == 0;
+            let same = self.wanted[i].differs(field.tag) & 3 == 0;
             assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
             field.len() - bound.len
         });
@@ -357,7 +364,7 @@ impl<T: Float> Fragment<T> {
                 // SAFETY: as in `run`, with parts of fields that lie within them: their kinds and mutability were compared
                 // above, and `last` is the largest start from which a field still has the recorded number of entries. The
                 // addresses are read during the call only.
-                unsafe { self.code.run(&Arguments { fields: addresses.as_ptr(), ..shared }) };
+                unsafe { self.machine.code.run(&Arguments { fields: addresses.as_ptr(), ..shared }) };
             }
         }
     }
@@ -390,12 +397,7 @@ impl<T: Float> Fragment<T> {
         for (word, given) in scratch.masks_in.iter_mut().zip(masks_in) {
             *word = given >> (run * isa.vector_bytes() / T::PRECISION.bytes());
         }
-        Arguments { constants: self.constants_address(), ..scratch.arguments(isa) }
-    }
-
-    /// The address of the constants as the code wants it.
-    fn constants_address(&self) -> *const u8 {
-        self.constants.as_ptr().cast::<u8>().wrapping_add(constant_bias(self.statistics.isa, T::PRECISION))
+        Arguments { constants: self.machine.constants(), ..scratch.arguments(isa) }
     }
 
     #[cold]
@@ -404,7 +406,7 @@ impl<T: Float> Fragment<T> {
             let (kind, writable) = (field.tag >> 1 & 1, field.tag & 1);
             let kind = if kind == 0 { FieldKind::Lanes } else { FieldKind::Uniform };
             assert!(
-                wanted.differs(field) == 0,
+                wanted.differs(field.tag) == 0,
                 "field {i} is {kind:?}, length {}, writable {}; the fragment wants {bound:?}",
                 field.len(),
                 writable != 0
@@ -438,13 +440,13 @@ impl<T: Float> Fragment<T> {
     /// Gives the code a name, for profiles: see the environment variable `LANESIM_PERF_MAP`.
     #[must_use]
     pub fn named(self, name: &str) -> Self {
-        crate::perf::note(name, self.code.bytes());
+        crate::perf::note(name, self.machine.code.bytes());
         self
     }
 
     /// Its instructions as text, one a line.
     pub fn disassembly(&self) -> String {
-        self.code.disassembly()
+        self.machine.code.disassembly()
     }
 }
 

@@ -27,6 +27,8 @@ type EntryEach = unsafe extern "sysv64" fn(*const *mut u8, *const u8, *mut u8, *
 /// The code of a fragment.
 pub(crate) struct Code {
     memory: ExecutableMemory,
+    /// Where it starts, for code without windows.
+    entry: Entry,
     /// Number of instructions.
     pub instructions: usize,
 }
@@ -40,7 +42,11 @@ impl Code {
         precision: Precision,
     ) -> Result<Self, CompileError> {
         let emitted = emit(allocated, bindings, isa, precision)?;
-        Ok(Code { memory: ExecutableMemory::new(&emitted.code)?, instructions: emitted.instructions })
+        let memory = ExecutableMemory::new(&emitted.code)?;
+        // SAFETY: the pages hold a function of this signature, or of that of `EntryEach` if there are windows, complete with
+        // its return, which `emit` has written; they stay mapped and unchanged as long as `memory`, which is kept beside it.
+        let entry = unsafe { std::mem::transmute::<*const u8, Entry>(memory.code().as_ptr()) };
+        Ok(Code { memory, entry, instructions: emitted.instructions })
     }
 
     /// The code.
@@ -62,15 +68,11 @@ impl Code {
     /// written to must be borrowed mutably.
     #[inline]
     pub unsafe fn run(&self, arguments: &Arguments) {
-        // SAFETY: the pages hold a function of this signature, complete with its return, which `emit` has written; they stay
-        // mapped and unchanged as long as `self`.
-        let entry = unsafe { std::mem::transmute::<*const u8, Entry>(self.memory.code().as_ptr()) };
+        let Arguments { fields, constants, slots, masks_in, masks_out } = *arguments;
         // SAFETY: the code reads and writes nothing but entries of what it is given, which `emit` asserts for every memory
         // operand and the caller vouches for; it preserves the registers and the stack that the convention asks for, and
         // `InstructionSet::check` has found its instructions on this machine before it was compiled.
-        unsafe {
-            entry(arguments.fields, arguments.constants, arguments.slots, arguments.masks_in, arguments.masks_out);
-        }
+        unsafe { (self.entry)(fields, constants, slots, masks_in, masks_out) };
     }
 
     /// Runs the code that was emitted for windows, once for every item.
@@ -83,8 +85,8 @@ impl Code {
     pub unsafe fn run_each(&self, arguments: &Arguments, items: &[usize]) {
         let Arguments { fields, constants, slots, masks_in, .. } = *arguments;
         let items = items.as_ptr_range();
-        // SAFETY: as in `run`: for windows, `emit` writes a function of this signature.
-        let entry = unsafe { std::mem::transmute::<*const u8, EntryEach>(self.memory.code().as_ptr()) };
+        // SAFETY: for windows, `emit` writes a function of this signature.
+        let entry = unsafe { std::mem::transmute::<Entry, EntryEach>(self.entry) };
         // SAFETY: as in `run`; the loop ends at the end of the items, which is a whole number of them, not 0, ahead.
         unsafe { entry(fields, constants, slots, masks_in, items.start, items.end) };
     }

@@ -278,12 +278,10 @@ fn check_windows<T: Float>(graph: &Graph, random: &mut Random, data: &Data<T>, s
     let (spare, items) = (3, 1 + random.below(5));
     let lanes = |n: usize| (0..n + spare).map(|i| data.lanes[i % own]).collect::<Vec<_>>();
     let mut windows = Windows::<3>::default();
-    windows.begin();
-    windows.push([usize::MAX; 3]);
-    windows.begin();
+    windows.add([[usize::MAX; 3]].into_iter());
     // The first column is of no field.
     let starts: Vec<_> = (0..items).map(|_| [usize::MAX, random.below(spare + 1), random.below(spare + 1)]).collect();
-    starts.iter().for_each(|item| windows.push(*item));
+    windows.add(starts.iter().copied());
     for isa in instruction_sets() {
         let (single, each) =
             (program.compile(isa).unwrap(), program.compile_each::<3>(isa, &[Some(2), None, None, Some(1)]));

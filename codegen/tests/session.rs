@@ -1,4 +1,5 @@
-//! Calls that are bound once and run many times: they do what single runs do, and refuse the same.
+//! Calls that are bound once and run many times, in one session or in several: they do what single runs do, and refuse the
+//! same.
 
 mod support;
 
@@ -34,8 +35,7 @@ fn sums(isa: InstructionSet) -> Fragment<f64> {
 
 fn list(items: &[[usize; 2]]) -> Windows<2> {
     let mut windows = Windows::with_capacity(1, items.len());
-    windows.begin();
-    items.iter().for_each(|item| windows.push(*item));
+    windows.add(items.iter().copied());
     windows
 }
 
@@ -44,32 +44,61 @@ const MASK: u32 = 0b0110_0101;
 #[test]
 fn bound_calls_run_as_often_as_asked() {
     for isa in instruction_sets() {
-        let (x, mut y) = (ramp(6), ramp(3));
-        let mut expected = y.clone();
+        let (x, mut y, other) = (ramp(6), ramp(1), ramp(3));
+        let (mut z, mut expected) = (other.clone(), y.clone());
+        let mut expected_windows = other.clone();
         let add = |y: &mut f64x8, x: f64x8| *y = f64x8::select(f64x8::mask_of(MASK), *y + x, *y);
         let (single, each, mut scratch) = (sum().compile(isa).unwrap(), sums(isa), Scratch::new());
         let mut windows = list(&[[4, 0], [5, 1], [1, 2], [3, 1]]);
-        let (x_field, y_field) = (FieldSlice::read(&x), FieldSlice::write(&mut y));
-        let mut session = Session::new(&mut scratch);
-        let first = session.next();
-        let call = session.bind(&single, [x_field.part(2, 1), y_field.part(1, 1)].iter().map(FieldSlice::again));
-        assert_eq!(call, first);
-        let fields = [x_field.again(), y_field.again()];
-        let bound = session.bind_each(&each, fields.iter().map(FieldSlice::again), windows.list(0));
-        assert_eq!(bound, first.later(1));
+        let fields =
+            [FieldSlice::read(&x[2..3]), FieldSlice::write(&mut y), FieldSlice::read(&x), FieldSlice::write(&mut z)];
+        let mut session = Session::new(&mut scratch, &fields);
+        session.bind(0, &single, 0..2);
+        session.bind_each(7, &each, 2..4);
+        assert!(session.has(0) && session.has(7) && !session.has(3) && !session.has(8));
+        drop((single, each));
         for _ in 0..3 {
-            add(&mut expected[1], x[2]);
-            let positive = f64x8::bits(expected[1].gt(f64x8::zero()));
-            assert_eq!(session.run(call, MASK), [positive, 0xff], "{}", isa.name());
-            session.run_each(bound, MASK, windows.list(0));
-            [(0, 4), (1, 5), (2, 1), (1, 3)].into_iter().for_each(|(to, from)| add(&mut expected[to], x[from]));
+            add(&mut expected[0], x[2]);
+            let positive = f64x8::bits(expected[0].gt(f64x8::zero()));
+            assert_eq!(session.run(0, MASK), Some([positive, 0xff]), "{}", isa.name());
+            session.run_each(7, MASK, windows.list(0)).unwrap();
+            [(0, 4), (1, 5), (2, 1), (1, 3)].into_iter().for_each(|(to, from)| add(&mut expected_windows[to], x[from]));
         }
         windows.retain(0, |item| item % 2 == 1);
-        session.run_each(bound, MASK, windows.list(0));
-        [(1, 5), (1, 3)].into_iter().for_each(|(to, from)| add(&mut expected[to], x[from]));
+        session.run_each(7, MASK, windows.list(0)).unwrap();
+        [(1, 5), (1, 3)].into_iter().for_each(|(to, from)| add(&mut expected_windows[to], x[from]));
         windows.retain(0, |_| false);
-        session.run_each(bound, MASK, windows.list(0));
+        session.run_each(7, MASK, windows.list(0)).unwrap();
         assert_same(isa.name(), &y, &expected);
+        assert_same(isa.name(), &z, &expected_windows);
+    }
+}
+
+#[test]
+fn calls_stay_bound_as_long_as_their_fields_are_the_same() {
+    for isa in instruction_sets() {
+        let (x, mut y, mut z, longer) = (ramp(1), ramp(1), ramp(1), ramp(2));
+        let (single, mut scratch) = (sum().compile(isa).unwrap(), Scratch::new());
+        {
+            let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y), FieldSlice::write(&mut z)];
+            let mut session = Session::new(&mut scratch, &fields);
+            session.bind(0, &single, [0, 1].into_iter());
+            session.bind(1, &single, [0, 2].into_iter());
+        }
+        drop(single);
+        {
+            let fields = [FieldSlice::<f64>::read(&x), FieldSlice::write(&mut y), FieldSlice::read(&longer)];
+            let mut session = Session::new(&mut scratch, &fields);
+            assert!(session.has(0) && !session.has(1), "but for the one whose field is another");
+            assert!(session.run(0, u32::MAX).is_some());
+            assert_eq!(session.run(1, 0), None);
+        }
+        assert_same(isa.name(), &y, &[x[0] + x[0]]);
+        let fields = [FieldSlice::<f64>::read(&x), FieldSlice::read(&y), FieldSlice::write(&mut z)];
+        assert!(!Session::new(&mut scratch, &fields).has(0), "a field that is lent for reading only");
+        let numbers = [0_f32; 16];
+        let single = [FieldSlice::<f32>::uniform(&numbers), FieldSlice::unused(), FieldSlice::unused()];
+        assert!(!Session::new(&mut scratch, &single).has(0));
     }
 }
 
@@ -79,27 +108,30 @@ fn what_does_not_fit_is_refused() {
         let refused_fields = |x: usize, y: usize, writable: bool| {
             let (single, x, mut y) = (sum().compile(isa).unwrap(), ramp(x), ramp(y));
             let y = if writable { FieldSlice::write(&mut y) } else { FieldSlice::read(&y) };
-            let fields = [FieldSlice::read(&x), y];
-            let bind = || Session::new(&mut Scratch::new()).bind(&single, fields.iter().map(FieldSlice::again));
+            let bind = || Session::new(&mut Scratch::new(), &[FieldSlice::read(&x), y]).bind(0, &single, 0..2);
             catch_unwind(AssertUnwindSafe(bind)).is_err()
         };
         assert!(!refused_fields(1, 1, true));
         assert!(refused_fields(2, 1, true) && refused_fields(1, 0, true) && refused_fields(1, 1, false));
-        let refused_windows = |bound: &[[usize; 2]], run: &[[usize; 2]]| {
-            let (each, x, mut y) = (sums(isa), ramp(4), ramp(4));
-            let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y)];
+        let refused_windows = |len: usize, run: &[[usize; 2]]| {
+            let (each, x, mut y) = (sums(isa), ramp(len), ramp(4));
             let run = || {
                 let mut scratch = Scratch::new();
-                let mut session = Session::new(&mut scratch);
-                let call = session.bind_each(&each, fields.iter().map(FieldSlice::again), list(bound).list(0));
-                session.run_each(call, 0, list(run).list(0));
+                let mut session = Session::new(&mut scratch, &[FieldSlice::read(&x), FieldSlice::write(&mut y)]);
+                session.bind_each(0, &each, 0..2);
+                session.run_each(0, 0, list(run).list(0)).unwrap();
             };
             catch_unwind(AssertUnwindSafe(run)).is_err()
         };
-        assert!(!refused_windows(&[[3, 2]], &[[0, 2], [3, 0]]));
-        assert!(refused_windows(&[[4, 0]], &[]), "a window beyond its field");
-        assert!(refused_windows(&[[2, 2]], &[[3, 0]]), "a window beyond those that were bound");
-        let field = ramp(4);
-        assert!(catch_unwind(AssertUnwindSafe(|| FieldSlice::<f64>::read(&field).part(3, 2))).is_err());
+        assert!(!refused_windows(4, &[[0, 2], [3, 0], [1, 3]]));
+        assert!(refused_windows(4, &[[4, 0]]) && refused_windows(4, &[[0, 4]]), "a window beyond its field");
+        assert!(refused_windows(0, &[]), "a field without windows");
+        let (each, field) = (sums(isa), ramp(1));
+        let mismatched = || {
+            let mut scratch = Scratch::new();
+            let mut session = Session::new(&mut scratch, &[FieldSlice::read(&field)]);
+            session.bind(0, &each, [0, 0].into_iter());
+        };
+        assert!(catch_unwind(AssertUnwindSafe(mismatched)).is_err(), "code for windows, without windows");
     }
 }

@@ -36,8 +36,7 @@ fn each<T: Float>(isa: InstructionSet) -> Fragment<T> {
 
 fn list(items: &[[usize; 3]]) -> Windows<3> {
     let mut windows = Windows::with_capacity(1, items.len());
-    windows.begin();
-    items.iter().for_each(|item| windows.push(*item));
+    windows.add(items.iter().copied());
     windows
 }
 
@@ -104,8 +103,7 @@ fn other_code_is_refused() {
         ];
         let (once, looped, mut scratch) = (sums::<f64>().compile(isa).unwrap(), each::<f64>(isa), Scratch::new());
         let mut narrow = Windows::<2>::default();
-        narrow.begin();
-        narrow.push([0; 2]);
+        narrow.add([[0; 2]].into_iter());
         assert!(panics(&mut || looped.run(&mut scratch, &mut fields, &[0], &mut [])), "a single run of a loop");
         assert!(panics(&mut || once.run_each(&mut scratch, &mut fields, &[0], list(&[[0; 3]]).list(0))));
         assert!(panics(&mut || looped.run_each(&mut scratch, &mut fields, &[0], narrow.list(0))), "columns");
@@ -141,9 +139,8 @@ fn windows_of_uniform_numbers_start_at_whole_blocks() {
 #[test]
 fn lists_keep_their_own_items() {
     let mut windows = list(&[[4, 1, 3]]);
-    windows.begin();
-    windows.begin();
-    windows.push([1, 0, 0]);
+    windows.add(std::iter::empty());
+    windows.add([[1, 0, 0]].into_iter());
     assert_eq!([0, 1, 2].map(|i| windows.list(i).len()), [1, 0, 1]);
     assert!(windows.list(1).is_empty());
     for isa in instruction_sets() {
@@ -154,6 +151,6 @@ fn lists_keep_their_own_items() {
         each::<f64>(isa).run_each(&mut Scratch::new(), &mut fields, &[0], windows.list(2));
     }
     windows.clear();
-    windows.begin();
+    windows.add(std::iter::empty());
     assert!(windows.list(0).is_empty());
 }

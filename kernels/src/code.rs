@@ -41,9 +41,10 @@ pub trait Code<L: LaneQuery> {
         false
     }
 
-    /// [`integration::euler`](crate::integration::euler) from the solver's acceleration and the sum of forces.
-    fn euler(&mut self, _: &State<L>, _: &mut Workspace<L>) -> bool {
-        false
+    /// [`integration::euler`](crate::integration::euler) from the solver's acceleration and the sum of forces, and
+    /// [`commit`](crate::pipeline::commit) in the worlds of `alive`: returns those whose next state was usable.
+    fn euler(&mut self, _: &mut State<L>, _alive: u32, _: &mut Workspace<L>) -> Option<u32> {
+        None
     }
 
     /// [`constraint::dof_lanes`](crate::constraint::dof_lanes), of all rows on joints that the model has.
@@ -99,7 +100,7 @@ pub trait Code<L: LaneQuery> {
         _: &Problem<'_, L>,
         _warmstart: &[L],
         _: &mut SolverWork<L>,
-        _run: &mut dyn FnMut(&mut dyn Rounds<L>),
+        _run: &mut dyn FnMut(&mut dyn Rounds),
     ) -> bool {
         false
     }

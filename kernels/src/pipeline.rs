@@ -5,10 +5,12 @@ use crate::actuation::Actuation;
 use crate::code::Code;
 use crate::collision::Colliders;
 use crate::inertia::Inertia;
+use crate::integration::Integration;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::model::Model;
 use crate::passive::Passive;
 use crate::position::Position;
+use crate::solver::Solver;
 pub use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, BlockStatus, State, Status};
 use crate::velocity::Velocity;
@@ -238,41 +240,49 @@ pub fn step<L: LaneQuery>(
     }
     run.stages = run.stages | Stages::STEP;
     forward(model, state, run, status, ws);
-    if !run.code.euler(state, ws) {
-        let forces = [&ws.acceleration.qfrc_smooth[..], &ws.solver.fields.qfrc_constraint];
-        let qacc = &ws.solver.fields.qacc;
+    let good = run.code.euler(state, status.alive, ws).unwrap_or_else(|| {
+        let (smooth, alive) = (&ws.acceleration, L::mask_of(status.alive));
+        let Solver { qacc, qfrc_constraint, .. } = &ws.solver.fields;
+        let forces = [&smooth.qfrc_smooth[..], qfrc_constraint];
         integration::euler(model, &ws.inertia, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
+        L::bits(commit(model, &ws.integration, [qacc, &smooth.qacc_smooth], L::zero(), alive, state))
+    });
+    let lost = status.alive & !good;
+    if lost != 0 {
+        diagnosis::freeze(state, ws, lost, status);
     }
-    commit(model, state, status, ws);
     if let Some(clock) = &mut run.clock {
         clock.end(Stage::Integration);
     }
 }
 
-/// Replaces the state by the next one in the lanes that are alive and whose next state is usable. + 0 turns a negative zero
-/// into a positive one, so that the sign of a zero that a wider factor, an inactive contact or code may have left never
-/// reaches the state.
-fn commit<L: LaneQuery>(model: &Model<L::Real>, state: &mut State<L>, status: &mut BlockStatus, ws: &Workspace<L>) {
-    let next = &ws.integration;
-    let qacc = &ws.solver.fields.qacc;
-    let mut good = L::mask_of(status.alive);
+/// Replaces the state by the next one in the lanes of `alive` whose next state is usable, and returns these. `qacc` is the
+/// acceleration with constraints and the smooth one. Adding `zero`, which is 0, turns a negative zero into a positive one, so that the
+/// sign of a zero that a wider factor, an inactive contact or code may have left never reaches the state; whoever records must
+/// not let it be known that it is 0, or the sum would be left out.
+pub fn commit<L: Lane>(
+    model: &Model<L::Real>,
+    next: &Integration<L>,
+    [qacc, qacc_smooth]: [&[L]; 2],
+    zero: L,
+    alive: L::Mask,
+    state: &mut State<L>,
+) -> L::Mask {
+    let mut good = alive;
     for x in next.qpos.iter().chain(&next.qvel).chain(qacc) {
         good = good & x.within(L::Real::MAXVAL);
     }
-    let lost = status.alive & !L::bits(good);
-    if lost != 0 {
-        diagnosis::freeze(state, ws, lost, status);
-    }
     let replace = |old: &mut [L], new: &[L]| {
         for (old, new) in old.iter_mut().zip(new) {
-            *old = L::select(good, *new + L::zero(), *old);
+            *old = L::select(good, *new + zero, *old);
         }
     };
     replace(&mut state.qpos, &next.qpos);
     replace(&mut state.qvel, &next.qvel);
     for (i, warm) in state.qacc_warmstart.iter_mut().enumerate() {
-        *warm = L::select(good, qacc[i] - ws.acceleration.qacc_smooth[i] + L::zero(), *warm);
+        *warm = L::select(good, qacc[i] - qacc_smooth[i] + zero, *warm);
     }
     let time = state.time[0] + L::of(model.options.timestep);
     replace(&mut state.time, &[time]);
+    good
 }

@@ -85,13 +85,17 @@ pub const COLUMNS: usize = 7;
 #[derive(Default)]
 pub struct Places {
     windows: Windows<COLUMNS>,
+    /// Numbers of the kinds that there are contacts of.
+    present: Vec<usize>,
     kinds: usize,
-    /// Worlds in which the contacts of the second lists act, list by list.
+    /// Worlds in which the contacts act, list by list; of the second lists once there are any.
     lanes: Vec<u32>,
     /// Where those of a list start, and their number.
     extents: Vec<(usize, usize)>,
-    /// Worlds for which the second lists were made.
-    open: u32,
+    /// Worlds for which the second lists were made; `None`: they were not yet.
+    open: Option<u32>,
+    /// Windows of every contact in a list of its own, by [`COUPLE`], if some have a stored Jacobian.
+    couplings: Windows<COUPLED>,
 }
 
 impl Places {
@@ -99,10 +103,12 @@ impl Places {
     pub fn with_capacity(contacts: usize, kinds: usize) -> Self {
         Places {
             windows: Windows::with_capacity(2 * kinds, 2 * contacts),
+            present: Vec::with_capacity(kinds),
             kinds,
             lanes: Vec::with_capacity(contacts),
             extents: Vec::with_capacity(kinds),
-            open: 0,
+            open: None,
+            couplings: Windows::with_capacity(contacts, contacts),
         }
     }
 
@@ -111,40 +117,63 @@ impl Places {
         self.windows.clear();
         self.lanes.clear();
         self.extents.clear();
+        self.present.clear();
         self.kinds = constraint.kinds.len();
-        self.open = u32::MAX;
-        let rows = |kind: &Kind| {
-            let kind = *kind;
-            constraint.contact_rows.iter().filter(move |row| row.kind() == kind)
-        };
-        for kind in constraint.kinds.iter().chain(&constraint.kinds) {
-            self.windows.begin();
-            rows(kind).for_each(|row| self.windows.push(starts(row)));
-        }
-        for kind in &constraint.kinds {
+        self.open = None;
+        for kind in 0..self.kinds {
             let first = self.lanes.len();
-            self.lanes.extend(rows(kind).map(|row| row.lanes));
-            self.extents.push((first, self.lanes.len() - first));
+            let rows = constraint.contact_rows.iter().filter(|row| row.number as usize == kind);
+            self.windows.add(rows.map(|row| {
+                self.lanes.push(row.lanes);
+                starts(row)
+            }));
+            let len = self.lanes.len() - first;
+            self.extents.push((first, len));
+            if len != 0 {
+                self.present.push(kind);
+            }
+        }
+        self.couplings.clear();
+        let coupled = constraint.contact_rows.iter().filter(|_| constraint.coupled);
+        for row in coupled {
+            self.couplings.add(std::iter::once(coupling(row)));
         }
     }
 
+    /// Numbers of the kinds that there are contacts of.
+    #[inline(always)]
+    pub fn present(&self) -> &[usize] {
+        &self.present
+    }
+
     /// All contacts of a kind.
+    #[inline(always)]
     pub fn all(&self, kind: usize) -> Run<'_> {
         self.windows.list(kind)
     }
 
-    /// Those that act in some world that still iterates.
+    /// Those that act in some world that still iterates, after [`narrow`](Places::narrow).
+    #[inline(always)]
     pub fn active(&self, kind: usize) -> Run<'_> {
         self.windows.list(self.kinds + kind)
     }
 
+    /// The windows of a contact with a stored Jacobian, by [`COUPLE`].
+    #[inline(always)]
+    pub fn coupling(&self, row: &ContactRow) -> WindowsList<'_, COUPLED> {
+        self.couplings.list(row.strength as usize)
+    }
+
     /// Leaves the contacts in the second lists that act in some world of `open`, which are fewer from call to call.
     pub fn narrow(&mut self, open: u32) {
-        if open == self.open {
+        if self.open == Some(open) {
             return;
         }
-        self.open = open;
-        for (kind, (first, len)) in self.extents.iter_mut().enumerate() {
+        if self.open.replace(open).is_none() {
+            self.windows.repeat();
+        }
+        for kind in &self.present {
+            let (first, len) = &mut self.extents[*kind];
             let lanes = &mut self.lanes[*first..*first + *len];
             let mut kept = 0;
             self.windows.retain(self.kinds + kind, |item| {
@@ -170,6 +199,19 @@ fn starts(row: &ContactRow) -> [usize; COLUMNS] {
     let [strength, component, edge, link, other] = places.map(|x| x as usize);
     let width = if row.cone == Cone::Ellipse { ELLIPSE } else { EDGE };
     [7 * strength, 6 * component, component, width * edge, 6 * link, 6 * other, 21 * link]
+}
+
+/// The fields of the code that adds a contact to the Hessian, with their columns: see [`solver::couple`](super::solver::couple).
+pub const COUPLE: [(Field, Option<usize>); 4] =
+    [(Field::Strengths, Some(0)), (Field::Jacobian, Some(1)), (Field::Y, Some(2)), (Field::Hessian, None)];
+
+/// Number of those columns.
+pub const COUPLED: usize = 3;
+
+/// Where those windows start; of a contact without a Jacobian, which has none, nowhere.
+fn coupling(row: &ContactRow) -> [usize; COUPLED] {
+    let [strength, jacobian, component] = [row.strength, row.jacobian, row.component].map(|x| x as usize);
+    if row.sides == Sides::One { [0; COUPLED] } else { [7 * strength, jacobian, component] }
 }
 
 /// Most fields of a part.

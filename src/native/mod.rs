@@ -20,6 +20,7 @@ use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, Instruct
 use lanesim_kernels::code::{Code, ContactPart, SolverPart};
 use lanesim_kernels::collision::{Collision, Found as FoundContact, Near};
 use lanesim_kernels::constraint::{self, Constraint, ContactRow, DofRow, Kind, Motion, all_dof_rows};
+use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Model as Tables, Pair, Sides};
 use lanesim_kernels::options;
 use lanesim_kernels::pipeline::Findings;
@@ -118,9 +119,19 @@ impl<T: Float> ModelCode<T> {
         operations: impl FnOnce(&Tables<T>) -> usize,
         record: impl FnOnce(&Tables<T>) -> Program<T>,
     ) -> Option<&'a Fragment<T>> {
+        self.get_by(name, part, operations, |tables| record(tables).compile(self.isa))
+    }
+
+    fn get_by<'a>(
+        &self,
+        name: &str,
+        part: &'a Part<T>,
+        operations: impl FnOnce(&Tables<T>) -> usize,
+        compile: impl FnOnce(&Tables<T>) -> Result<Fragment<T>, CompileError>,
+    ) -> Option<&'a Fragment<T>> {
         part.get_or_init(|| {
             let small = operations(&self.tables) <= MOST_OPERATIONS;
-            if small { record(&self.tables).compile(self.isa).ok().map(|code| code.named(name)) } else { None }
+            if small { compile(&self.tables).ok().map(|code| code.named(name)) } else { None }
         })
         .as_ref()
     }
@@ -149,7 +160,11 @@ impl<T: Float> ModelCode<T> {
     fn couple(&self, pair: u32) -> Option<&Fragment<T>> {
         let first = self.first_pair[pair as usize] as usize;
         let operations = |tables: &Tables<T>| tables.sizes.nm;
-        self.get("couple", &self.couple[first], operations, |tables| solver::couple(tables, &tables.pairs[first]))
+        let columns = contacts::COUPLE.map(|(_, column)| column);
+        let program = |tables: &Tables<T>| solver::couple(tables, &tables.pairs[first]);
+        self.get_by("couple", &self.couple[first], operations, |tables| {
+            program(tables).compile_each::<{ contacts::COUPLED }>(self.isa, &columns)
+        })
     }
 
     fn both_sides(&self, pair: u32) -> Option<&Fragment<T>> {
@@ -332,23 +347,29 @@ impl<L: Block> Code<L> for Native<L::Float> {
         code.run(self.code.isa, &mut self.scratch, &mut self.parallel, position, near, found)
     }
 
-    fn euler(&mut self, state: &State<L>, ws: &mut Workspace<L>) -> bool {
-        let Some(fragment) = self.code.euler.get().and_then(Option::as_ref) else { return false };
+    fn euler(&mut self, state: &mut State<L>, alive: u32, ws: &mut Workspace<L>) -> Option<u32> {
+        let fragment = self.code.euler.get().and_then(Option::as_ref)?;
         let solver = &ws.solver.fields;
         let next = &mut ws.integration;
-        let mut fields: [FieldSlice<'_, L::Float>; 9] = [
-            FieldSlice::read(&state.qpos),
-            FieldSlice::read(&state.qvel),
+        let zero = [L::Float::from_f64(0.0)];
+        let mut fields: [FieldSlice<'_, L::Float>; 13] = [
+            FieldSlice::write(&mut state.qpos),
+            FieldSlice::write(&mut state.qvel),
+            FieldSlice::write(&mut state.qacc_warmstart),
+            FieldSlice::write(&mut state.time),
             FieldSlice::read(&ws.inertia.m),
+            FieldSlice::read(&ws.acceleration.qacc_smooth),
             FieldSlice::read(&solver.qacc),
             FieldSlice::read(&ws.acceleration.qfrc_smooth),
             FieldSlice::read(&solver.qfrc_constraint),
+            FieldSlice::uniform(&zero),
             FieldSlice::write(&mut next.qpos),
             FieldSlice::write(&mut next.qvel),
             FieldSlice::write(&mut next.qacc),
         ];
-        fragment.run(&mut self.scratch, &mut fields, &[], &mut []);
-        true
+        let mut good = [0];
+        fragment.run(&mut self.scratch, &mut fields, &[alive], &mut good);
+        Some(good[0])
     }
 
     fn dof_rows(&mut self, state: &State<L>, constraint: &mut Constraint<L>) -> bool {
@@ -432,15 +453,10 @@ impl<L: Block> Code<L> for Native<L::Float> {
 
     fn couple(&mut self, problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) -> bool {
         let Some(fragment) = self.code.couple(row.pair) else { return false };
-        let constraint = problem.constraint;
-        let dofs = self.code.tables.pairs[row.pair as usize].dofs.len as usize;
-        let mut fields = [
-            FieldSlice::read(&constraint.strengths[row.strength as usize]),
-            FieldSlice::read(constraint.jacobian_of(row, dofs)),
-            FieldSlice::read(&work.y.component[row.components()]),
-            FieldSlice::write(&mut work.fields.hessian),
-        ];
-        fragment.run(&mut self.scratch, &mut fields, &[], &mut []);
+        let table = fields::table(problem, &[], work);
+        let mut fields: [_; contacts::COUPLE.len()] =
+            fields::pick(&table, contacts::COUPLE.into_iter().map(|(name, _)| name));
+        fragment.run_each(&mut self.scratch, &mut fields, &[], self.places.coupling(row));
         true
     }
 
@@ -449,7 +465,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
         problem: &Problem<'_, L>,
         warmstart: &[L],
         work: &mut SolverWork<L>,
-        run: &mut dyn FnMut(&mut dyn Rounds<L>),
+        run: &mut dyn FnMut(&mut dyn Rounds),
     ) -> bool {
         let Native { code, scratch, places, filled, .. } = self;
         let lent = (scratch, places, filled);

@@ -135,23 +135,30 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
     binder.recording.finish()
 }
 
-/// Fields: qpos, qvel, M, qacc, smooth force, force of constraints; next qpos, next qvel, acceleration over the step.
+/// Fields: qpos, qvel, warm start, time, all of which change; M, smooth acceleration, qacc, smooth force, force of
+/// constraints; a zero; next qpos, next qvel, acceleration over the step. Masks: worlds that are alive; worlds that take the
+/// next state.
 pub fn euler<T: Float>(model: &Model<T>) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
     let mut inertia = Inertia::new(&model.sizes);
-    let mut forces = [vec![Recorder::zero(); model.sizes.nv], vec![Recorder::zero(); model.sizes.nv]];
-    let mut qacc = forces[0].clone();
-    let [smooth, constraint] = &mut forces;
-    for lanes in [&mut state.qpos, &mut state.qvel, &mut inertia.m, &mut qacc, smooth, constraint] {
+    let mut vectors: [_; 4] = std::array::from_fn(|_| vec![Recorder::zero(); model.sizes.nv]);
+    let State { qpos, qvel, qacc_warmstart, time, .. } = &mut state;
+    for lanes in [qpos, qvel, qacc_warmstart, time, &mut inertia.m].into_iter().chain(&mut vectors) {
         binder.input(lanes);
     }
+    let zero = binder.recording.uniform(binder.next, 1)[0];
+    binder.next += 1;
+    let alive = binder.recording.mask_input();
     let mut next = Integration::new(&Stage::Integration.sizes(model));
-    let forces = forces.each_ref().map(Vec::as_slice);
-    integration::euler(model, &inertia, &state.qpos, &state.qvel, &qacc, forces, &mut next);
-    for (field, lanes) in [&next.qpos, &next.qvel, &next.qacc].into_iter().enumerate() {
-        binder.recording.output(binder.next + field, lanes);
+    let [qacc_smooth, qacc, smooth, constraint] = vectors.each_ref().map(Vec::as_slice);
+    integration::euler(model, &inertia, &state.qpos, &state.qvel, qacc, [smooth, constraint], &mut next);
+    let good = pipeline::commit(model, &next, [qacc, qacc_smooth], zero, alive, &mut state);
+    for (field, lanes) in [&state.qpos, &state.qvel, &state.qacc_warmstart, &state.time].into_iter().enumerate() {
+        binder.recording.output(field, lanes);
     }
+    [&next.qpos, &next.qvel, &next.qacc].into_iter().for_each(|lanes| binder.output(lanes));
+    binder.recording.mask_output(good);
     binder.recording.finish()
 }
 

@@ -15,7 +15,7 @@ use super::solver::{operations_of, record_on};
 use super::{ModelCode, Part};
 
 /// Most patterns with code, but for the fullest.
-const MOST: usize = 12;
+pub const MOST: usize = 12;
 /// A wider pattern with code is used if it takes at most this many times the operations.
 const GOOD_ENOUGH: f64 = 1.25;
 /// Pairs of links that can join branches and be told apart.

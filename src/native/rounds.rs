@@ -1,6 +1,6 @@
-//! Newton's iteration with all its parts in code, bound once for a solve.
+//! Newton's iteration with all its parts in code, each bound when it is first needed and kept from solve to solve.
 
-use lanesim_codegen::{Block, Call, FieldSlice, Scratch, Session};
+use lanesim_codegen::{Block, Scratch, Session};
 use lanesim_kernels::code::{ContactPart, SolverPart};
 use lanesim_kernels::constraint::{ContactRow, Kind};
 use lanesim_kernels::lane::Real;
@@ -9,12 +9,13 @@ use lanesim_kernels::options;
 use lanesim_kernels::solver::{Arrival, Problem, Rounds, SolverWork, Trial};
 
 use super::contacts::{self, Places};
-use super::fields::{self, Field, Table};
-use super::patterns::{Found, Joined};
+use super::fields;
+use super::patterns::{self, Found, Joined};
 use super::{ModelCode, solver};
 
 /// What the type says that holds them: parts for which there is no code are not bound.
 const COMPILED: &str = "all parts have code";
+const BOUND: &str = "a call that was just bound";
 
 /// The pattern of the factor at hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,24 +34,23 @@ impl Factor {
     }
 }
 
-/// The parts of an iteration, bound when they are first needed.
+/// Numbers of calls: parts by their place in [`solver::ALL`], then the two that factors on filled patterns have, by the
+/// patterns' places, then parts of contacts by kind, then pairs.
+const FILLED: usize = solver::ALL.len();
+const LISTS: usize = FILLED + 2 * patterns::MOST;
+
+/// The parts of an iteration.
 pub struct Bound<'a, L: Block> {
     code: &'a ModelCode<L::Float>,
     places: &'a mut Places,
     kinds: &'a [Kind],
-    /// Contacts whose sides both move; empty: there are none.
+    /// Contacts whose sides both move, among others; empty: there are none.
     both: &'a [ContactRow],
     found: &'a mut Found,
     factor: Factor,
     /// Whether contacts are worked through that act only in worlds that no longer iterate.
     whole: bool,
-    fields: Table<'a, L::Float>,
     session: Session<'a, L::Float>,
-    /// By their place in [`solver::ALL`].
-    parts: [Option<Call>; solver::ALL.len()],
-    /// The first of one call for every kind of contact that is listed, by their place in [`contacts::ALL`].
-    lists: [Option<Call>; contacts::ALL.len()],
-    couplings: Option<Call>,
 }
 
 impl<'a, L: Block> Bound<'a, L> {
@@ -65,97 +65,92 @@ impl<'a, L: Block> Bound<'a, L> {
         let constraint = problem.constraint;
         let newton = problem.model.options.solver == options::Solver::Newton;
         let apart = constraint.between_trees && constraint.apart().next().is_some();
-        let both = if constraint.jacobian.is_empty() { &[] } else { &constraint.contact_rows[..] };
+        let both = if constraint.coupled { &constraint.contact_rows[..] } else { &[] };
         if !newton || apart || !code.has_rounds() || couplings(both).any(|row| code.couple(row.pair).is_none()) {
             return None;
         }
         if constraint.between_trees {
             work.fields.pull.fill(L::zero());
         }
-        Some(Bound {
-            code,
-            places,
-            kinds: &constraint.kinds,
-            both,
-            found,
-            factor: Factor::Tree,
-            whole: true,
-            fields: fields::table(problem, warmstart, work),
-            session: Session::new(scratch),
-            parts: [None; solver::ALL.len()],
-            lists: [None; contacts::ALL.len()],
-            couplings: None,
-        })
+        let session = Session::new(scratch, &fields::table(problem, warmstart, work));
+        let (factor, whole) = (Factor::Tree, true);
+        Some(Bound { code, places, kinds: &constraint.kinds, both, found, factor, whole, session })
     }
 
     /// Runs a part of the solver.
+    #[inline]
     fn part(&mut self, part: SolverPart, open: u32) -> [u32; 2] {
-        let number = solver::number(part);
-        let Bound { code, session, fields, parts, factor, .. } = self;
-        let code = *code;
-        let call = *parts[number].get_or_insert_with(|| {
-            let fields = solver::fields(part).0.iter().map(|field| fields[*field as usize].again());
-            let fragment = match (part, factor) {
-                (SolverPart::Descend { filled: true } | SolverPart::Polish { filled: true }, Factor::Filled(place)) => {
-                    code.patterns.get(code, *place, part)
-                }
-                _ => code.solver(part),
-            };
-            session.bind(fragment.expect(COMPILED), fields)
-        });
-        session.run(call, open)
+        let call = match (part, self.factor) {
+            (SolverPart::Descend { filled: true }, Factor::Filled(place)) => FILLED + 2 * place,
+            (SolverPart::Polish { filled: true }, Factor::Filled(place)) => FILLED + 2 * place + 1,
+            _ => solver::number(part),
+        };
+        match self.session.run(call, open) {
+            Some(masks) => masks,
+            None => self.bind(part, call, open),
+        }
+    }
+
+    /// Makes a part ready, and runs it.
+    #[cold]
+    fn bind(&mut self, part: SolverPart, call: usize, open: u32) -> [u32; 2] {
+        let fragment = if call < FILLED {
+            self.code.solver(part)
+        } else {
+            self.code.patterns.get(self.code, (call - FILLED) / 2, part)
+        };
+        let fields = solver::fields(part).0.iter().map(|field| *field as usize);
+        self.session.bind(call, fragment.expect(COMPILED), fields);
+        self.session.run(call, open).expect(BOUND)
     }
 
     /// Runs a part of the solver for the contacts that have it.
+    #[inline]
     fn contacts(&mut self, part: ContactPart, open: u32) {
-        let Bound { code, places, kinds, session, fields, lists, whole, .. } = self;
-        let (code, places) = (*code, &**places);
-        let kinds = kinds.iter().enumerate().filter(|(_, kind)| contacts::applies(part, **kind));
-        let kinds = kinds.filter(|(number, _)| !places.all(*number).is_empty());
-        let first = *lists[contacts::number(part)].get_or_insert_with(|| {
-            let first = session.next();
-            for (number, kind) in kinds.clone() {
-                let fields = contacts::fields(part, kind.cone).iter().map(|(field, _)| fields[*field as usize].again());
-                session.bind_each(code.contact(part, *kind).expect(COMPILED), fields, places.all(number));
+        for place in 0..self.places.present().len() {
+            let number = self.places.present()[place];
+            let windows = if self.whole { self.places.all(number) } else { self.places.active(number) };
+            if windows.is_empty() || !contacts::applies(part, self.kinds[number]) {
+                continue;
             }
-            first
-        });
-        for (call, (number, _)) in kinds.enumerate() {
-            let windows = if *whole { places.all(number) } else { places.active(number) };
-            session.run_each(first.later(call), open, windows);
+            let call = LISTS + contacts::ALL.len() * number + contacts::number(part);
+            if self.session.run_each(call, open, windows).is_none() {
+                bind_contacts::<L>(&mut self.session, self.code, (part, self.kinds[number]), call);
+                self.session.run_each(call, open, windows).expect(BOUND);
+            }
         }
     }
 
     /// Adds the contacts whose sides both move, and that act in a world of `open`, to the Hessian.
     fn couple(&mut self, open: u32) {
-        let Bound { code, both, session, fields, couplings: bound, .. } = self;
-        let code = *code;
-        let first = *bound.get_or_insert_with(|| {
-            let first = session.next();
-            for row in couplings(both) {
-                let (dim, dofs) = (row.dim as usize, code.tables.pairs[row.pair as usize].dofs.len as usize);
-                let part = |field: Field, start: u32, len| fields[field as usize].part(start as usize, len);
-                let parts = [
-                    part(Field::Strengths, 7 * row.strength, 7),
-                    part(Field::Jacobian, row.jacobian, dim * dofs),
-                    part(Field::Y, row.component, dim),
-                    fields[Field::Hessian as usize].again(),
-                ];
-                let parts = parts.iter().map(FieldSlice::again);
-                session.bind(code.couple(row.pair).expect(COMPILED), parts);
+        let pairs = LISTS + contacts::ALL.len() * self.kinds.len();
+        for row in couplings(self.both).filter(|row| row.lanes & open != 0) {
+            let call = pairs + self.code.first_pair[row.pair as usize] as usize;
+            let windows = self.places.coupling(row);
+            if self.session.run_each(call, 0, windows).is_none() {
+                let fields = contacts::COUPLE.into_iter().map(|(field, _)| field as usize);
+                self.session.bind_each(call, self.code.couple(row.pair).expect(COMPILED), fields);
+                self.session.run_each(call, 0, windows).expect(BOUND);
             }
-            first
-        });
-        for (call, _) in couplings(both).enumerate().filter(|(_, row)| row.lanes & open != 0) {
-            session.run(first.later(call), 0);
         }
     }
+}
+
+#[cold]
+fn bind_contacts<L: Block>(
+    session: &mut Session<'_, L::Float>,
+    code: &ModelCode<L::Float>,
+    (part, kind): (ContactPart, Kind),
+    call: usize,
+) {
+    let fields = contacts::fields(part, kind.cone).iter().map(|(field, _)| *field as usize);
+    session.bind_each(call, code.contact(part, kind).expect(COMPILED), fields);
 }
 
 impl<L: Block> Bound<'_, L> {
     /// Chooses the pattern of the factor for contacts that act in a world of `open`.
     fn choose_factor(&mut self, open: u32) {
-        let Bound { code, both, found, parts, factor, .. } = self;
+        let Bound { code, both, found, factor, .. } = self;
         let tables = &code.tables;
         let act = couplings(both).filter(|row| row.lanes & open != 0);
         let mut joining = act.filter(|row| tables.pairs[row.pair as usize].cross).peekable();
@@ -169,12 +164,7 @@ impl<L: Block> Bound<'_, L> {
         } else {
             Factor::Full
         };
-        if next != *factor {
-            for filled in [SolverPart::Descend { filled: true }, SolverPart::Polish { filled: true }] {
-                parts[solver::number(filled)] = None;
-            }
-            *factor = next;
-        }
+        *factor = next;
     }
 }
 
@@ -183,7 +173,7 @@ fn couplings(rows: &[ContactRow]) -> impl Iterator<Item = &ContactRow> {
     rows.iter().filter(|row| row.sides != Sides::One)
 }
 
-impl<L: Block> Rounds<L> for Bound<'_, L> {
+impl<L: Block> Rounds for Bound<'_, L> {
     fn start(&mut self) {
         self.part(SolverPart::Depart, 0);
         self.contacts(ContactPart::Survey, 0);
@@ -191,8 +181,7 @@ impl<L: Block> Rounds<L> for Bound<'_, L> {
         self.contacts(ContactPart::Choose, warm);
     }
 
-    fn direct(&mut self, _: bool, open: L::Mask) {
-        let open = L::bits(open);
+    fn direct(&mut self, _: bool, open: u32) {
         self.places.narrow(open);
         // In single precision the factor is used once more, for worlds that no longer iterate: it needs all contacts.
         let factored = if L::Real::EPSILON > 1e-10 { u32::MAX } else { open };
@@ -217,18 +206,17 @@ impl<L: Block> Rounds<L> for Bound<'_, L> {
         self.contacts(ContactPart::Approach, 0);
     }
 
-    fn probe(&mut self, first: bool, open: L::Mask) -> Trial<L::Mask> {
+    fn probe(&mut self, first: bool, open: u32) -> Trial<u32> {
         if !first {
             self.contacts(ContactPart::Slope, 0);
         }
-        let [open, full] = self.part(SolverPart::Probe { first }, L::bits(open));
-        Trial { open: L::mask_of(open), full: L::mask_of(full) }
+        let [open, full] = self.part(SolverPart::Probe { first }, open);
+        Trial { open, full }
     }
 
-    fn follow(&mut self, open: L::Mask) -> Arrival<L::Mask> {
-        let open = L::bits(open);
+    fn follow(&mut self, open: u32) -> Arrival<u32> {
         self.contacts(ContactPart::Act, open);
         let [converged, still] = self.part(SolverPart::Gather, open);
-        Arrival { converged: L::mask_of(converged), still: L::mask_of(still) }
+        Arrival { converged, still }
     }
 }

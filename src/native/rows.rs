@@ -115,9 +115,8 @@ impl<T: Float> RowCode<T> {
     ) -> bool {
         places.clear();
         for (code, k) in self.kinds.iter().zip(0..) {
-            places.begin();
             let mine = constraint.contact_rows.iter().filter(|row| self.of_pairs[row.pair as usize] == k);
-            mine.for_each(|row| places.push(self.starts(row, collision)));
+            places.add(mine.map(|row| self.starts(row, collision)));
             if places.list(k as usize).is_empty() {
                 continue;
             }

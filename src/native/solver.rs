@@ -245,7 +245,7 @@ fn run<T: Float>(
     }
 }
 
-/// Fields: strength, Jacobian, y, Hessian: [`solver::couple`] of a pair's contacts.
+/// [`solver::couple`] of a pair's contacts, on [`COUPLE`](super::contacts::COUPLE).
 pub fn couple<T: Float>(model: &Model<T>, pair: &Pair<T>) -> Program<T> {
     let mut binder = Binder::new();
     let dofs = &model.pair_dofs[pair.dofs.range()];

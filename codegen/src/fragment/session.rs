@@ -1,39 +1,49 @@
 //! Calls of code on fields that stay where they are, made ready once.
 
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 use super::windows::WindowsList;
-use super::{FieldSlice, Fragment, Scratch, Wanted, grow};
-use crate::float::{BLOCK_BYTES, Float};
+use super::{FieldSlice, Fragment, Machine, Scratch};
+use crate::float::{BLOCK_BYTES, Float, Precision};
 use crate::isa::InstructionSet;
 use crate::lower::MaskOutput;
 use crate::native::{Arguments, Code};
 
 /// Calls of code on fields that are lent as long as the session lasts: what a call needs is compared and written down when it
-/// is bound, so that running it costs next to nothing.
+/// is bound, so that running it costs next to nothing. Calls have numbers, which the caller chooses. They stay bound from a
+/// session to the next one on the same scratch, but for those that have to do with a field that is another one then.
 pub struct Session<'a, T> {
     scratch: &'a mut Scratch,
-    /// That of all calls.
-    isa: Option<InstructionSet>,
-    /// The fields and fragments of the calls.
-    borrowed: PhantomData<(FieldSlice<'a, T>, &'a Fragment<T>)>,
+    /// The fields.
+    borrowed: PhantomData<FieldSlice<'a, T>>,
 }
 
-/// A call that was bound in a session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Call(usize);
+/// What sessions leave for the next one.
+#[derive(Default)]
+pub(super) struct Kept {
+    /// That of the code that is bound.
+    precision: Option<Precision>,
+    /// Addresses and tags of the fields that are lent, or were lent last.
+    fields: Vec<(usize, usize)>,
+    /// Calls by number.
+    calls: Vec<Bound>,
+}
 
-/// What a bound call runs.
-#[derive(Clone, Copy)]
-pub(super) struct Bound {
-    code: *const Code,
-    constants: *const u8,
-    /// Where its fields' addresses start, and their number for each part of the block.
-    addresses: usize,
+/// A call. Only what is bound may be run, and only in a session whose fields are those that it was bound to.
+struct Bound {
+    /// The code and its constants, kept alive; `None`: nothing is bound.
+    machine: Option<Arc<Machine>>,
+    isa: InstructionSet,
+    /// The fields that it has to do with, by their numbers as bits.
+    uses: u64,
+    /// Number of its fields, and their addresses for every part of the block.
     fields: usize,
-    /// Number of columns of windows, 0 for code without windows, and place of their largest starts.
+    addresses: Vec<usize>,
+    /// Number of columns of windows, 0 for code without windows, and the largest start that all fields have room for, by
+    /// column.
     columns: usize,
-    largest: usize,
+    room: [usize; MOST_COLUMNS],
     /// Bits of the masks returned that the code leaves, and those that are known.
     left: [u32; MASKS],
     known: [u32; MASKS],
@@ -41,158 +51,194 @@ pub(super) struct Bound {
 
 /// Most masks that a bound call returns. It takes one, or none.
 const MASKS: usize = 2;
+/// Most fields of a session, and most columns of its windows.
+const MOST_FIELDS: usize = u64::BITS as usize;
+const MOST_COLUMNS: usize = 8;
+
+impl Bound {
+    /// Nothing.
+    fn nothing() -> Self {
+        Bound {
+            machine: None,
+            isa: InstructionSet::Avx2,
+            uses: 0,
+            fields: 0,
+            addresses: vec![],
+            columns: 0,
+            room: [0; MOST_COLUMNS],
+            left: [0; MASKS],
+            known: [0; MASKS],
+        }
+    }
+}
 
 impl<'a, T: Float> Session<'a, T> {
-    /// No calls yet.
-    pub fn new(scratch: &'a mut Scratch) -> Self {
-        scratch.bound.clear();
-        scratch.addresses.clear();
-        scratch.largest.clear();
-        grow(&mut scratch.masks_in, 1, 0);
-        grow(&mut scratch.masks_out, MASKS, 0);
-        Session { scratch, isa: None, borrowed: PhantomData }
+    /// Lends fields, up to 64, and keeps the calls that were bound to the same ones.
+    ///
+    /// # Panics
+    ///
+    /// If there are more fields.
+    pub fn new(scratch: &'a mut Scratch, fields: &[FieldSlice<'a, T>]) -> Self {
+        assert!(fields.len() <= MOST_FIELDS, "{} fields", fields.len());
+        let kept = &mut scratch.kept;
+        if kept.precision != Some(T::PRECISION) || kept.fields.len() != fields.len() {
+            *kept = Kept { precision: Some(T::PRECISION), fields: vec![(0, 0); fields.len()], calls: vec![] };
+        }
+        let mut changed = 0;
+        for (i, (known, field)) in kept.fields.iter_mut().zip(fields).enumerate() {
+            // Exposed: code that was bound in an earlier session uses the address.
+            let lent = (field.start.expose_provenance(), field.tag);
+            changed |= u64::from(*known != lent) << i;
+            *known = lent;
+        }
+        if changed != 0 {
+            for call in kept.calls.iter_mut().filter(|call| call.uses & changed != 0) {
+                call.machine = None;
+            }
+        }
+        Session { scratch, borrowed: PhantomData }
     }
 
-    /// Makes a call of code ready.
+    /// Whether a call is bound.
+    pub fn has(&self, call: usize) -> bool {
+        self.scratch.kept.calls.get(call).is_some_and(|call| call.machine.is_some())
+    }
+
+    /// Makes a call of code ready, on fields by their numbers in the session.
     ///
     /// # Panics
     ///
     /// As [`Fragment::run`], but for masks.
-    pub fn bind(&mut self, fragment: &'a Fragment<T>, fields: impl Iterator<Item = FieldSlice<'a, T>> + Clone) -> Call {
+    pub fn bind(&mut self, call: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
         assert!(fragment.columns.is_none(), "code for windows");
-        self.put(fragment, fields, |wanted, field| wanted.differs(field) == 0);
-        self.push(fragment, 0)
+        self.put(call, fragment, fields);
     }
 
-    /// Makes a call of code for windows ready, for lists whose items start no later than those of the given one.
+    /// Makes a call of code for windows ready, on fields by their numbers in the session.
     ///
     /// # Panics
     ///
-    /// As [`Fragment::run_each`], but for masks.
-    pub fn bind_each<const N: usize>(
-        &mut self,
-        fragment: &'a Fragment<T>,
-        fields: impl Iterator<Item = FieldSlice<'a, T>> + Clone,
-        windows: WindowsList<'_, N>,
-    ) -> Call {
-        assert_eq!(fragment.columns.as_ref().map(|columns| columns.width), Some(N), "number of columns");
-        self.put(fragment, fields, |wanted, field| windows.fit(wanted, field));
-        self.scratch.largest.extend_from_slice(&windows.largest);
-        self.push(fragment, N)
+    /// As [`Fragment::run_each`], but for masks, with a list of one item that starts at 0 everywhere; if there are more than 8
+    /// columns.
+    pub fn bind_each(&mut self, call: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
+        let columns = fragment.columns.as_ref().expect("code for windows");
+        assert!(columns.width <= MOST_COLUMNS, "too many columns for a session");
+        self.put(call, fragment, fields);
     }
 
-    /// Writes down where the fields are, after comparing them with what the code wants.
-    #[inline(always)]
-    fn put(
-        &mut self,
-        fragment: &Fragment<T>,
-        fields: impl Iterator<Item = FieldSlice<'a, T>> + Clone,
-        fits: impl Fn(&Wanted, &FieldSlice<'_, T>) -> bool,
-    ) {
+    /// Writes a call down, after comparing the fields with what the code wants.
+    fn put(&mut self, number: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
+        assert!(fragment.masks_in <= 1 && fragment.masks_out.len() <= MASKS, "too many masks for a session");
         self.scratch.reserve(fragment);
+        let Kept { fields: lent, calls, .. } = &mut self.scratch.kept;
+        if calls.len() <= number {
+            calls.resize_with(number + 1, Bound::nothing);
+        }
+        let call = &mut calls[number];
+        (call.machine, call.uses, call.room) = (None, 0, [usize::MAX; MOST_COLUMNS]);
+        call.addresses.clear();
         for run in 0..fragment.runs() {
             let mut count = 0;
             for (field, wanted) in fields.clone().zip(&fragment.wanted) {
-                assert!(fits(wanted, &field), "field {count} is not what the code wants: {:?}", fragment.fields[count]);
-                self.scratch.addresses.push(wanted.address(&field, run));
+                let (start, tag) = lent[field];
+                let fits = match call.room.get_mut(wanted.column) {
+                    None => wanted.differs(tag) == 0,
+                    Some(most) => wanted.room::<T>(tag).is_some_and(|room| {
+                        *most = room.min(*most);
+                        true
+                    }),
+                };
+                assert!(fits, "field {count} is not what the code wants: {:?}", fragment.fields[count]);
+                call.addresses.push(start.wrapping_add(wanted.offsets[run]));
+                call.uses |= 1 << field;
                 count += 1;
             }
             assert!(count == fragment.wanted.len(), "{count} fields of {}", fragment.wanted.len());
         }
-    }
-
-    fn push(&mut self, fragment: &'a Fragment<T>, columns: usize) -> Call {
-        assert!(self.isa.is_none_or(|isa| isa == fragment.statistics.isa), "code of another instruction set");
-        assert!(fragment.masks_in <= 1 && fragment.masks_out.len() <= MASKS, "too many masks for a session");
         let all = ((1_u64 << T::PRECISION.lanes()) - 1) as u32;
         let mask = |i: usize| fragment.masks_out.get(i).unwrap_or(&MaskOutput::Known(false));
-        let left = |i| if matches!(mask(i), MaskOutput::Value(_)) { all } else { 0 };
-        let known = |i| if matches!(mask(i), MaskOutput::Known(true)) { all } else { 0 };
-        let fields = fragment.fields.len();
-        self.scratch.bound.push(Bound {
-            code: &raw const fragment.code,
-            constants: fragment.constants_address(),
-            addresses: self.scratch.addresses.len() - fragment.runs() * fields,
-            fields,
-            columns,
-            largest: self.scratch.largest.len() - columns,
-            left: std::array::from_fn(left),
-            known: std::array::from_fn(known),
-        });
-        self.isa = Some(fragment.statistics.isa);
-        Call(self.scratch.bound.len() - 1)
+        call.left = std::array::from_fn(|i| if matches!(mask(i), MaskOutput::Value(_)) { all } else { 0 });
+        call.known = std::array::from_fn(|i| if matches!(mask(i), MaskOutput::Known(true)) { all } else { 0 });
+        call.isa = fragment.statistics.isa;
+        call.fields = fragment.fields.len();
+        call.columns = fragment.columns.as_ref().map_or(0, |columns| columns.width);
+        call.machine = Some(fragment.machine.clone());
     }
 
-    /// The call that is bound next.
-    pub fn next(&self) -> Call {
-        Call(self.scratch.bound.len())
-    }
-
-    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns.
+    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns. `None`:
+    /// it is not bound.
     ///
     /// # Panics
     ///
-    /// If there is no such call in the session, or it is one for windows.
+    /// If the call is one for windows.
     #[inline]
-    pub fn run(&mut self, call: Call, mask: u32) -> [u32; MASKS] {
-        let bound = self.scratch.bound[call.0];
-        assert!(bound.columns == 0, "code for windows");
-        // SAFETY: as in `Fragment::run`: `bind` has compared the fields, whose borrows last as long as the session, and scratch
-        // has had room since.
-        self.run_parts(&bound, mask, |code, arguments| unsafe { code.run(arguments) })
+    pub fn run(&mut self, call: usize, mask: u32) -> Option<[u32; MASKS]> {
+        let (call, machine, slots) = self.call(call)?;
+        assert!(call.columns == 0, "code for windows");
+        // SAFETY: as in `Fragment::run`: `put` has compared the fields, and `call` vouches for the rest.
+        Some(run_parts::<T>((call, machine), slots, mask, |code, arguments| unsafe { code.run(arguments) }))
     }
 
-    /// Runs a call for windows, with the bits of a mask, for code that takes one.
+    /// Runs a call for windows, with the bits of a mask, for code that takes one. `None`: it is not bound.
     ///
     /// # Panics
     ///
-    /// If there is no such call in the session, it is not one for windows of so many columns, or an item may start later than
-    /// those that it was bound for.
+    /// If the call is not one for windows of so many columns, or an item may start so late that a window does not lie within its
+    /// field.
     #[inline]
-    pub fn run_each<const N: usize>(&mut self, call: Call, mask: u32, windows: WindowsList<'_, N>) {
-        let bound = self.scratch.bound[call.0];
-        assert!(bound.columns == N, "code for windows of other columns");
-        let largest = &self.scratch.largest[bound.largest..][..N];
-        assert!(windows.largest.iter().zip(largest).all(|(a, b)| a <= b), "windows that were not bound");
+    pub fn run_each<const N: usize>(&mut self, call: usize, mask: u32, windows: WindowsList<'_, N>) -> Option<()> {
+        let (call, machine, slots) = self.call(call)?;
+        assert!(call.columns == N && N > 0, "code for windows of other columns");
+        // Without a branch for every column.
+        let beyond =
+            windows.largest.iter().zip(&call.room).fold(false, |beyond, (start, room)| beyond | (start > room));
+        assert!(!beyond, "windows beyond their fields");
         if !windows.is_empty() {
-            // SAFETY: as in `Fragment::run_each`: `bind_each` has compared the fields with windows that start no earlier; the
-            // fields' borrows last as long as the session, and scratch has had room since.
-            self.run_parts(&bound, mask, |code, arguments| unsafe {
+            // SAFETY: as in `Fragment::run_each`: `put` has compared the fields, which have room for windows from all starts
+            // of the list, and `call` vouches for the rest.
+            run_parts::<T>((call, machine), slots, mask, |code, arguments| unsafe {
                 code.run_each(arguments, windows.offsets.as_flattened());
             });
         }
+        Some(())
     }
 
+    /// A call that is bound, its code, and the scratch for it. Its fields are those of the session, which borrows them: `new` has
+    /// dropped all calls that had to do with others. The scratch has had room for the code since it was bound.
     #[inline(always)]
-    fn run_parts(&mut self, bound: &Bound, mask: u32, run: impl Fn(&Code, &Arguments)) -> [u32; MASKS] {
-        let Some(isa) = self.isa else { return bound.known };
-        let lanes = isa.vector_bytes() / T::PRECISION.bytes();
-        let mut masks = bound.known;
-        for part in 0..BLOCK_BYTES / isa.vector_bytes() {
-            let addresses = &self.scratch.addresses[bound.addresses + part * bound.fields..];
-            let fields = addresses.as_ptr();
-            self.scratch.masks_in[0] = mask >> (part * lanes);
-            let arguments = Arguments { fields, constants: bound.constants, ..self.scratch.arguments(isa) };
-            // SAFETY: `push` has made the pointer from a reference that outlives the session, which is the only one that pushes
-            // since the list was cleared.
-            run(unsafe { &*bound.code }, &arguments);
-            for (i, mask) in masks.iter_mut().enumerate() {
-                *mask |= (self.scratch.masks_out[i] << (part * lanes)) & bound.left[i];
-            }
-        }
-        masks
+    fn call(&mut self, number: usize) -> Option<(&Bound, &Machine, *mut u8)> {
+        let Scratch { kept, slots, .. } = &mut *self.scratch;
+        let call = kept.calls.get(number)?;
+        Some((call, call.machine.as_deref()?, slots.as_mut_ptr().cast()))
     }
 }
 
-impl Call {
-    /// The call that was bound so many calls later.
-    pub fn later(self, by: usize) -> Call {
-        Call(self.0 + by)
+/// Runs a call on all parts of the block.
+#[inline(always)]
+fn run_parts<T: Float>(
+    (call, machine): (&Bound, &Machine),
+    slots: *mut u8,
+    mask: u32,
+    run: impl Fn(&Code, &Arguments),
+) -> [u32; MASKS] {
+    let isa = call.isa;
+    let lanes = isa.vector_bytes() / T::PRECISION.bytes();
+    let slots = slots.wrapping_add(super::bias(isa, isa.vector_bytes()));
+    let mut masks = call.known;
+    for part in 0..BLOCK_BYTES / isa.vector_bytes() {
+        let fields = call.addresses[part * call.fields..].as_ptr().cast();
+        let (given, mut returned) = ([mask >> (part * lanes)], [0; MASKS]);
+        let (masks_in, masks_out) = (given.as_ptr(), returned.as_mut_ptr());
+        run(&machine.code, &Arguments { fields, constants: machine.constants(), slots, masks_in, masks_out });
+        for (i, mask) in masks.iter_mut().enumerate() {
+            *mask |= (returned[i] << (part * lanes)) & call.left[i];
+        }
     }
+    masks
 }
 
 impl<T> std::fmt::Debug for Session<'_, T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Session").field("calls", &self.scratch.bound.len()).finish_non_exhaustive()
+        f.debug_struct("Session").field("fields", &self.scratch.kept.fields.len()).finish_non_exhaustive()
     }
 }

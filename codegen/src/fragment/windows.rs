@@ -30,7 +30,7 @@ struct Extent<const N: usize> {
 #[derive(Clone, Copy, Debug)]
 pub struct WindowsList<'a, const N: usize> {
     pub(super) offsets: &'a [[usize; N]],
-    pub(super) largest: [usize; N],
+    pub(super) largest: &'a [usize; N],
 }
 
 impl<const N: usize> Windows<N> {
@@ -45,26 +45,29 @@ impl<const N: usize> Windows<N> {
         self.lists.clear();
     }
 
-    /// Begins another list.
-    pub fn begin(&mut self) {
+    /// Adds a list of items: the first entry of the window of every column.
+    #[inline]
+    pub fn add(&mut self, items: impl Iterator<Item = [usize; N]>) {
         let first = self.offsets.len();
-        self.lists.push(Extent { first, end: first, largest: [0; N] });
+        let mut largest = [0; N];
+        for starts in items {
+            for (largest, start) in largest.iter_mut().zip(starts) {
+                *largest = start.max(*largest);
+            }
+            // Offsets that wrap belong to starts beyond every field, which no run accepts.
+            self.offsets.push(starts.map(|start| start.wrapping_mul(BLOCK_BYTES)));
+        }
+        self.lists.push(Extent { first, end: self.offsets.len(), largest });
     }
 
-    /// Adds an item to the list that was begun last: the first entry of the window of every column.
-    ///
-    /// # Panics
-    ///
-    /// If no list was begun.
-    #[inline]
-    pub fn push(&mut self, starts: [usize; N]) {
-        let list = self.lists.last_mut().expect("a list that was begun");
-        for (largest, start) in list.largest.iter_mut().zip(starts) {
-            *largest = start.max(*largest);
+    /// Adds lists with the items of all lists that there are, in the same order.
+    pub fn repeat(&mut self) {
+        let (lists, items) = (self.lists.len(), self.offsets.len());
+        self.offsets.extend_from_within(..);
+        self.lists.extend_from_within(..);
+        for list in &mut self.lists[lists..] {
+            (list.first, list.end) = (list.first + items, list.end + items);
         }
-        list.end += 1;
-        // Offsets that wrap belong to starts beyond every field, which no run accepts.
-        self.offsets.push(starts.map(|start| start.wrapping_mul(BLOCK_BYTES)));
     }
 
     /// Drops the items of a list for which `keep` does not hold, by their place in it; the others move up.
@@ -74,26 +77,30 @@ impl<const N: usize> Windows<N> {
     /// If there are not so many lists.
     pub fn retain(&mut self, number: usize, mut keep: impl FnMut(usize) -> bool) {
         let Extent { first, end, .. } = self.lists[number];
-        let mut kept = first;
-        for item in first..end {
-            if keep(item - first) {
-                self.offsets[kept] = self.offsets[item];
+        let offsets = &mut self.offsets[first..end];
+        let mut kept = 0;
+        for item in 0..offsets.len() {
+            if keep(item) {
+                // Mostly they stay where they are.
+                if kept != item {
+                    offsets[kept] = offsets[item];
+                }
                 kept += 1;
             }
         }
         // The largest starts bound those of fewer items.
-        self.lists[number].end = kept;
+        self.lists[number].end = first + kept;
     }
 
-    /// List by number, in the order in which they were begun.
+    /// List by number, in the order in which they were added.
     ///
     /// # Panics
     ///
     /// If there are not so many.
     #[inline]
     pub fn list(&self, number: usize) -> WindowsList<'_, N> {
-        let Extent { first, end, largest } = self.lists[number];
-        WindowsList { offsets: &self.offsets[first..end], largest }
+        let Extent { first, end, largest } = &self.lists[number];
+        WindowsList { offsets: &self.offsets[*first..*end], largest }
     }
 }
 
@@ -108,11 +115,8 @@ impl<const N: usize> WindowsList<'_, N> {
     #[inline(always)]
     pub(super) fn fit<T: Float>(&self, wanted: &Wanted, field: &FieldSlice<'_, T>) -> bool {
         match self.largest.get(wanted.column) {
-            None => wanted.differs(field) == 0,
-            Some(largest) => {
-                let room = field.len().checked_sub(wanted.len()).map(|room| room / wanted.per_start::<T>());
-                wanted.differs(field) & 3 == 0 && room.is_some_and(|room| *largest <= room)
-            }
+            None => wanted.differs(field.tag) == 0,
+            Some(largest) => wanted.room::<T>(field.tag).is_some_and(|room| *largest <= room),
         }
     }
 
@@ -181,7 +185,7 @@ impl<T: Float> Fragment<T> {
             // SAFETY: as in `run`, for windows: kinds and mutability of all fields have been compared, and from the largest
             // start of any item on, every field with windows has the recorded number of entries; the offsets are those starts.
             // The items are as wide as the code was compiled for, and there is one.
-            unsafe { self.code.run_each(&arguments, windows.offsets.as_flattened()) };
+            unsafe { self.machine.code.run_each(&arguments, windows.offsets.as_flattened()) };
         }
     }
 

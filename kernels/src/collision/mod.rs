@@ -101,6 +101,17 @@ pub struct Near {
     pub worlds: u32,
     /// First place of its contacts in what the narrow phase found.
     pub first: u32,
+    /// Number of contacts that it can have.
+    pub points: u32,
+}
+
+/// What the list of near pairs has to know of a pair.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    /// Number of contacts that it can have.
+    points: u32,
+    /// Whether it is treated world by world, for want of a formula in lanes.
+    single: bool,
 }
 
 /// Contacts of a block.
@@ -110,6 +121,8 @@ pub struct Collision<L> {
     pub colliders: Colliders<L>,
     /// Bounding tests.
     pub broad: Broad<L>,
+    /// By pair.
+    extents: Vec<Extent>,
     /// Pairs that are near.
     near: Vec<Near>,
     /// What the narrow phase found of them.
@@ -122,8 +135,11 @@ impl<L: LaneQuery> Collision<L> {
     /// Room for the contacts that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let most = model.capacity().contacts;
+        let single = |pair| !in_lanes(shapes(model, pair));
+        let extent = |(p, pair): (u32, &Pair<_>)| Extent { points: pair.slots.len, single: single(p) };
         Collision {
             colliders: Colliders::new(&model.sizes),
+            extents: (0..).zip(&model.pairs).map(extent).collect(),
             broad: Broad::new(model),
             near: Vec::with_capacity(model.pairs.len().min(most)),
             found: Vec::with_capacity(most),
@@ -180,49 +196,50 @@ pub fn collide<L: LaneQuery>(
     if !collision.broad.test(model, (qpos, position), [alive, due], code, &mut collision.colliders) {
         return L::Mask::splat(false);
     }
-    let Collision { broad, near, found, .. } = collision;
-    list_near(model, &broad.near, L::bits(alive), near);
-    let points = near.last().map_or(0, |last| last.first as usize + points_of(model, last));
+    let Collision { broad, extents, near, found, .. } = collision;
+    let single = list_near(extents, &broad.near, L::bits(alive), near);
+    let points = near.last().map_or(0, |last| (last.first + last.points) as usize);
     if found.len() < points {
         found.resize(points, [L::zero(); 13]);
     }
     if !code.narrow(position, near, found) {
-        for near in near.iter().filter(|near| in_lanes(shapes(model, near.pair))) {
+        for near in near.iter().filter(|near| !extents[near.pair as usize].single) {
             let bodies = broad.bodies(model, near.pair as usize, position);
-            formula(model, near, &bodies, points_found(model, near, found));
+            formula(model, near, &bodies, points_found(near, found));
         }
     }
-    for near in near.iter().filter(|near| !in_lanes(shapes(model, near.pair))) {
-        let bodies = broad.bodies(model, near.pair as usize, position);
-        world_by_world(model, near, &bodies, convex, points_found(model, near, found));
+    if single {
+        for near in near.iter().filter(|near| extents[near.pair as usize].single) {
+            let bodies = broad.bodies(model, near.pair as usize, position);
+            world_by_world(model, near, &bodies, convex, points_found(near, found));
+        }
     }
     list_contacts(model, capacity, collision)
 }
 
-/// Lists the pairs that are near in some world of `alive`, each with room for its contacts.
-fn list_near<T>(model: &Model<T>, worlds: &[u32], alive: u32, near: &mut Vec<Near>) {
+/// Lists the pairs that are near in some world of `alive`, each with room for its contacts. Returns whether some are treated
+/// world by world.
+fn list_near(extents: &[Extent], worlds: &[u32], alive: u32, near: &mut Vec<Near>) -> bool {
     near.clear();
-    let mut first = 0;
+    let (mut first, mut any_single) = (0, false);
     for (c, chunk) in worlds.chunks(16).enumerate() {
         if chunk.iter().fold(0, |any, worlds| any | worlds) & alive == 0 {
             continue;
         }
         for (i, worlds) in chunk.iter().enumerate().filter(|(_, worlds)| **worlds & alive != 0) {
             let pair = (16 * c + i) as u32;
-            near.push(Near { pair, worlds: *worlds & alive, first });
-            first += model.pairs[pair as usize].slots.len;
+            let Extent { points, single } = extents[pair as usize];
+            near.push(Near { pair, worlds: *worlds & alive, first, points });
+            first += points;
+            any_single |= single;
         }
     }
-}
-
-/// Number of contacts that the pair can have.
-fn points_of<T>(model: &Model<T>, near: &Near) -> usize {
-    model.pairs[near.pair as usize].slots.len as usize
+    any_single
 }
 
 /// The places of its contacts.
-fn points_found<'a, L, T>(model: &Model<T>, near: &Near, found: &'a mut [Found<L>]) -> &'a mut [Found<L>] {
-    &mut found[near.first as usize..][..points_of(model, near)]
+fn points_found<'a, L>(near: &Near, found: &'a mut [Found<L>]) -> &'a mut [Found<L>] {
+    &mut found[near.first as usize..][..near.points as usize]
 }
 
 /// The shapes of a pair.
@@ -276,7 +293,7 @@ fn list_contacts<L: LaneQuery>(model: &Model<L::Real>, capacity: usize, collisio
     let mut count = L::zero();
     let mut overflow = L::Mask::splat(false);
     for near in near {
-        for (point, found) in (0..).zip(points_found(model, near, found)) {
+        for (point, found) in (0..).zip(points_found(near, found)) {
             let mut exists = found[0].lt(L::of(L::Real::MAXVAL));
             if may_overflow {
                 count += L::select(exists, L::one(), L::zero());

@@ -40,6 +40,9 @@ pub fn contact_rows<L: LaneQuery>(
 ) {
     list(model, collision, constraint);
     let still = code.still_sides(motion, collision, constraint);
+    if still && !constraint.coupled {
+        return;
+    }
     for i in 0..constraint.contact_rows.len() {
         let row = constraint.contact_rows[i];
         let coded = match row.sides {
@@ -56,7 +59,7 @@ pub fn contact_rows<L: LaneQuery>(
 /// Lists the contacts that act in some world, and makes room for their numbers.
 fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
-    constraint.cross = false;
+    (constraint.cross, constraint.coupled) = (false, false);
     constraint.contact_lanes = 0;
     let (mut component, mut jacobian, mut edges, mut ellipses) = (0, 0, 0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {
@@ -65,34 +68,54 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
         if lanes == 0 {
             continue;
         }
+        let common = constraint.rows_of_pairs[slot.pair as usize];
         constraint.contact_lanes |= lanes;
-        constraint.cross |= pair.cross;
-        let cone = cone(model, pair);
-        let edge = if cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
-        let row = ContactRow {
-            contact,
-            pair: slot.pair,
-            dim: pair.condim,
-            component,
-            sides: pair.sides,
-            link: reference(pair),
-            other: if pair.sides == Sides::Two { pair.link1 } else { NONE },
-            jacobian,
-            edge: *edge,
-            strength: constraint.contact_rows.len() as u32,
-            cone,
-            lanes,
-        };
+        if common.sides != Sides::One {
+            constraint.coupled = true;
+            constraint.cross |= pair.cross;
+        }
+        let edge = if common.cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
+        let strength = constraint.contact_rows.len() as u32;
+        let row = ContactRow { contact, component, lanes, jacobian, edge: *edge, strength, ..common };
         component += row.dim;
         jacobian += row.dim * pair.dofs.len;
         *edge += row.edges() as u32;
         constraint.contact_rows.push(row);
     }
-    let (rows, zero) = (constraint.contact_rows.len(), L::zero());
-    constraint.strengths.resize(rows, [zero; 7]);
-    constraint.reference.resize(component as usize, zero);
-    constraint.motion.resize(component as usize, [zero; 6]);
-    constraint.jacobian.resize(jacobian as usize, zero);
+    let zero = L::zero();
+    constraint.components = component as usize;
+    grow(&mut constraint.strengths, constraint.contact_rows.len(), [zero; 7]);
+    grow(&mut constraint.reference, component as usize, zero);
+    grow(&mut constraint.motion, component as usize, [zero; 6]);
+    grow(&mut constraint.jacobian, jacobian as usize, zero);
+}
+
+/// What the contacts of a pair have in common.
+pub(super) fn row_of<T>(model: &Model<T>, kinds: &[Kind], number: u32, pair: &Pair<T>) -> ContactRow {
+    let kind = kind(model, pair);
+    ContactRow {
+        contact: 0,
+        pair: number,
+        dim: kind.dim,
+        component: 0,
+        lanes: 0,
+        sides: kind.sides,
+        link: reference(pair),
+        other: if pair.sides == Sides::Two { pair.link1 } else { NONE },
+        jacobian: 0,
+        edge: 0,
+        strength: 0,
+        cone: kind.cone,
+        number: kinds.iter().position(|known| *known == kind).unwrap_or(kinds.len()) as u32,
+    }
+}
+
+/// Makes a list as long as that if it is shorter.
+#[inline(always)]
+pub(crate) fn grow<X: Copy>(list: &mut Vec<X>, len: usize, filling: X) {
+    if list.len() < len {
+        list.resize(len, filling);
+    }
 }
 
 /// Numbers of a pair that its contacts' rows are made of: what [`Grip`] has.
@@ -238,10 +261,15 @@ pub fn both_sides<L: Lane>(
     regularise(grip, contact, &speeds, out);
 }
 
+/// The kind of a pair's contacts.
+fn kind<T>(model: &Model<T>, pair: &Pair<T>) -> Kind {
+    Kind { sides: pair.sides, cone: cone(model, pair), dim: pair.condim }
+}
+
 /// The kinds of the contacts with sides in one tree that the model can have, in ascending order.
 pub fn kinds<T>(model: &Model<T>) -> Vec<Kind> {
-    let kind = |pair: &Pair<T>| Kind { sides: pair.sides, cone: cone(model, pair), dim: pair.condim };
-    let mut kinds: Vec<Kind> = model.pairs.iter().map(kind).filter(|kind| kind.sides != Sides::Apart).collect();
+    let mut kinds: Vec<Kind> =
+        model.pairs.iter().map(|pair| kind(model, pair)).filter(|kind| kind.sides != Sides::Apart).collect();
     kinds.sort_unstable();
     kinds.dedup();
     kinds

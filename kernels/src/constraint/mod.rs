@@ -12,6 +12,7 @@ mod contacts;
 mod dof_rows;
 mod impedance;
 
+pub(crate) use contacts::grow;
 pub use contacts::{Grip, Motion, NUMBERS, Numbers, both_sides, cone, contact_rows, kinds, numbers, still_side};
 pub use dof_rows::{all_dof_rows, dof_lanes, dof_rows, joint_rows};
 pub use impedance::impedance;
@@ -129,6 +130,8 @@ pub struct ContactRow {
     pub strength: u32,
     /// Cone.
     pub cone: Cone,
+    /// Number of its kind among the model's, [`Constraint::kinds`]; of contacts between trees one more than those have.
+    pub number: u32,
 }
 
 /// What decides a contact's force: D of the normal row, and of every row of a pyramid, which is 0 in worlds where the
@@ -207,7 +210,8 @@ impl ContactRow {
     }
 }
 
-/// Constraint rows of a block.
+/// Constraint rows of a block. Lists of contacts' numbers never get shorter, so that fields that are lent to code stay what
+/// they are: beyond the listed contacts they hold numbers that nobody may read.
 #[derive(Clone, Debug)]
 pub struct Constraint<L> {
     /// Rows on joints: those that act in some world, or all that the model has.
@@ -222,8 +226,14 @@ pub struct Constraint<L> {
     pub kinds: Vec<Kind>,
     /// Whether the model can have contacts between trees.
     pub between_trees: bool,
+    /// By pair, what its contacts have in common; their places are 0.
+    pub rows_of_pairs: Vec<ContactRow>,
     /// Contacts that act in some world.
     pub contact_rows: Vec<ContactRow>,
+    /// Number of components that those have together.
+    pub components: usize,
+    /// Whether some listed contact has a stored Jacobian: both its sides move.
+    pub coupled: bool,
     /// Strengths of those contacts.
     pub strengths: Vec<Strength<L>>,
     /// Per component: minus the reference acceleration.
@@ -240,14 +250,18 @@ impl<L: Lane> Constraint<L> {
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let capacity = model.capacity();
+        let kinds = contacts::kinds(model);
         Constraint {
             dof_rows: Vec::with_capacity(capacity.dof_rows),
             dof_lanes: Vec::with_capacity(capacity.dof_rows),
             joint_lanes: 0,
             contact_lanes: 0,
-            kinds: contacts::kinds(model),
+            rows_of_pairs: (0..).zip(&model.pairs).map(|(p, pair)| contacts::row_of(model, &kinds, p, pair)).collect(),
+            kinds,
             between_trees: model.pairs.iter().any(|pair| pair.sides == Sides::Apart),
             contact_rows: Vec::with_capacity(capacity.contacts),
+            components: 0,
+            coupled: false,
             strengths: Vec::with_capacity(capacity.contacts),
             reference: Vec::with_capacity(capacity.components),
             motion: Vec::with_capacity(capacity.components),

@@ -127,10 +127,10 @@ pub fn prepare<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
 /// Dense Jacobian rows.
 fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
     let Problem { model, position, constraint, .. } = problem;
-    let Constraint { dof_rows, contact_rows, reference, motion, .. } = constraint;
+    let Constraint { dof_rows, contact_rows, motion, .. } = constraint;
     let Dual { b, nv, .. } = dual;
     b.clear();
-    b.resize((dof_rows.len() + reference.len()) * *nv, L::zero());
+    b.resize((dof_rows.len() + constraint.components) * *nv, L::zero());
     let (one, at) = (L::one(), |row: usize, dof: usize| row * *nv + dof);
     for (r, law) in constraint.dof_laws().enumerate() {
         let dof = law.row.dof as usize;

@@ -1,7 +1,7 @@
 //! The contacts of an iterate (pyramid edges, elliptic contacts), flat, for the line search.
 
 use super::line::Line;
-use crate::constraint::{Cone, Constraint, ContactRow, Law};
+use crate::constraint::{Cone, Constraint, ContactRow, Law, grow};
 use crate::lane::{Lane, Mask, Real};
 
 /// Numbers of an edge.
@@ -162,8 +162,8 @@ impl<L: Lane> Edges<L> {
             let last = constraint.contact_rows.iter().rfind(|row| cone(row.cone));
             last.map_or(0, |row| row.edge as usize + row.edges())
         };
-        self.contacts.resize(end(&|cone| cone != Cone::Ellipse), [L::zero(); EDGE]);
-        self.ellipses.resize(end(&|cone| cone == Cone::Ellipse), [L::zero(); ELLIPSE]);
+        grow(&mut self.contacts, end(&|cone| cone != Cone::Ellipse), [L::zero(); EDGE]);
+        grow(&mut self.ellipses, end(&|cone| cone == Cone::Ellipse), [L::zero(); ELLIPSE]);
     }
 
     /// A contact's edges or its ellipse.
@@ -186,19 +186,5 @@ impl<L: Lane> Edges<L> {
         } else {
             self.contacts[range].as_flattened_mut()
         }
-    }
-}
-
-impl<L: Copy> Edges<L> {
-    /// The list of contacts of a cone, flat.
-    #[inline(always)]
-    pub fn of_cone(&self, cone: Cone) -> &[L] {
-        if cone == Cone::Ellipse { self.ellipses.as_flattened() } else { self.contacts.as_flattened() }
-    }
-
-    /// The same, to be written.
-    #[inline(always)]
-    pub fn of_cone_mut(&mut self, cone: Cone) -> &mut [L] {
-        if cone == Cone::Ellipse { self.ellipses.as_flattened_mut() } else { self.contacts.as_flattened_mut() }
     }
 }

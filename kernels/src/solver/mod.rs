@@ -33,7 +33,7 @@ pub use rows::{Arrival, gather};
 
 use crate::acceleration::Acceleration;
 use crate::code::Code;
-use crate::constraint::Constraint;
+use crate::constraint::{Constraint, grow};
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery};
@@ -103,7 +103,7 @@ pub struct Problem<'a, L: Lane> {
 pub struct RowVector<L> {
     /// Per dof row.
     pub dof: Vec<L>,
-    /// Per contact component.
+    /// Per contact component; never shorter than it once was, as the lists of [`Constraint`].
     pub component: Vec<L>,
 }
 
@@ -112,10 +112,10 @@ impl<L: Lane> RowVector<L> {
         RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component) }
     }
 
-    /// Sets the lengths to those of the constraint's lists.
+    /// Sets the lengths to those of the constraint's lists, which those of contacts never exceed.
     fn fit(&mut self, constraint: &Constraint<L>) {
         self.dof.resize(constraint.dof_rows.len(), L::zero());
-        self.component.resize(constraint.reference.len(), L::zero());
+        grow(&mut self.component, constraint.reference.len(), L::zero());
     }
 }
 

@@ -10,7 +10,7 @@ use crate::model::Pattern;
 pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
     hessian::collect(problem, code, work);
     // Contacts whose sides both move have more to add to the Hessian.
-    let alone = problem.constraint.jacobian.is_empty();
+    let alone = !problem.constraint.coupled;
     if alone && code.solver(SolverPart::Turn, problem, &[], 0, work).is_some() {
         return;
     }

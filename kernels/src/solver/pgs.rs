@@ -54,7 +54,7 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
     for (f, bias) in work.force.dof.iter().zip(&work.dual.bias.dof) {
         cost = f.mul_add(*bias, cost);
     }
-    for (f, bias) in work.force.component.iter().zip(&work.dual.bias.component) {
+    for (f, bias) in work.force.component[..constraint.components].iter().zip(&work.dual.bias.component) {
         cost = f.mul_add(*bias, cost);
     }
     let keep = if problem.model.options.flags.warmstart { cost.lt(L::zero()) } else { L::Mask::splat(false) };

@@ -21,14 +21,14 @@ pub fn solve<L: LaneQuery>(
 ) -> L::Mask {
     code.contacts(problem.constraint);
     let options = &problem.model.options;
-    let mut outcome = None;
+    let (open, mut outcome) = (L::bits(open), None);
     if !code.rounds(problem, warmstart, work, &mut |parts| outcome = Some(iterate(options, open, parts))) {
         outcome = Some(iterate(options, open, &mut PartByPart { problem, warmstart, code, work }));
     }
-    let Some(Outcome { open, niter, rounds }) = outcome else { return open };
+    let Some(Outcome { open, niter, rounds }) = outcome else { return L::mask_of(open) };
     work.statistics.niter = niter;
     work.statistics.block_niter = rounds;
-    open
+    L::mask_of(open)
 }
 
 /// From the search direction p: M p, slopes and curvature along it, the motion of every link, J p of rows on joints, and the
@@ -70,7 +70,8 @@ pub(super) fn start<L: LaneQuery>(
         Some([warm, _]) => L::mask_of(warm),
         None => choose(problem, work),
     };
-    contact::choose(warm, &mut work.y.component, &work.jp.component);
+    let components = problem.constraint.components;
+    contact::choose(warm, &mut work.y.component[..components], &work.jp.component);
 }
 
 /// Looks at the smooth acceleration, and at the same plus `warmstart`, which becomes the search direction: the motion of every

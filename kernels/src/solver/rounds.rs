@@ -7,26 +7,26 @@ use crate::code::{Code, SolverPart};
 use crate::lane::{LaneQuery, Mask, Real};
 use crate::options::{self, Options};
 
-/// The parts of the iteration. Each leaves its results where the next looks for them.
-pub trait Rounds<L: LaneQuery> {
+/// The parts of the iteration. Each leaves its results where the next looks for them. Masks are bits, as code has them.
+pub trait Rounds {
     /// Chooses where to start, and takes no step.
     fn start(&mut self);
     /// Chooses the search direction in the lanes of `open`, and finds what the line search needs. `first`: there was none
     /// before.
-    fn direct(&mut self, first: bool, open: L::Mask);
+    fn direct(&mut self, first: bool, open: u32);
     /// The direction from the factor at hand, in single precision: in all lanes that have been open.
     fn polish(&mut self);
     /// [`probe`](super::probe); finds the slope of contacts there, but for the `first` step, whose slope is known.
-    fn probe(&mut self, first: bool, open: L::Mask) -> Trial<L::Mask>;
+    fn probe(&mut self, first: bool, open: u32) -> Trial<u32>;
     /// Moves the lanes of `open` by the step, and finds forces and gradient.
-    fn follow(&mut self, open: L::Mask) -> Arrival<L::Mask>;
+    fn follow(&mut self, open: u32) -> Arrival<u32>;
 }
 
 /// How an iteration ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome<L: LaneQuery> {
     /// Lanes that reached the limit of iterations.
-    pub open: L::Mask,
+    pub open: u32,
     /// Iterations of each world.
     pub niter: L,
     /// Iterations of the slowest.
@@ -34,27 +34,26 @@ pub struct Outcome<L: LaneQuery> {
 }
 
 /// Iterates until the lanes of `open` have converged.
-pub fn iterate<L: LaneQuery>(options: &Options, open: L::Mask, parts: &mut dyn Rounds<L>) -> Outcome<L> {
+pub fn iterate<L: LaneQuery>(options: &Options, open: u32, parts: &mut dyn Rounds) -> Outcome<L> {
     parts.start();
-    let (nowhere, everywhere) = (L::Mask::splat(false), L::Mask::splat(true));
-    let converged = parts.follow(everywhere).converged;
+    let converged = parts.follow(L::bits(L::Mask::splat(true))).converged;
     let conjugate = options.solver == options::Solver::Cg;
     let mut open = open & !converged;
-    let mut landed = nowhere;
+    let mut landed = 0;
     let mut niter = L::zero();
     let mut rounds = 0;
-    while L::any(open) && rounds < options.iterations {
-        niter += L::select(open, L::one(), L::zero());
+    while open != 0 && rounds < options.iterations {
+        niter += L::select(L::mask_of(open), L::one(), L::zero());
         parts.direct(rounds == 0, open);
         let full = search(options, open, parts);
         let Arrival { converged, still } = parts.follow(open);
-        landed = landed | (open & full);
-        open = open & !full & !still & !converged;
+        landed |= open & full;
+        open &= !(full | still | converged);
         rounds += 1;
     }
     // One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That is
     // the factor at their solution for the lanes that took a full step within one quadratic piece.
-    if !conjugate && L::Real::EPSILON > 1e-10 && L::any(landed) {
+    if !conjugate && L::Real::EPSILON > 1e-10 && landed != 0 {
         parts.polish();
         parts.follow(landed);
     }
@@ -63,12 +62,12 @@ pub fn iterate<L: LaneQuery>(options: &Options, open: L::Mask, parts: &mut dyn R
 
 /// Finds the step along the search direction to the minimum, in the lanes of `open`. Returns those that take a full step on
 /// which no row leaves its quadratic piece.
-fn search<L: LaneQuery>(options: &Options, open: L::Mask, parts: &mut dyn Rounds<L>) -> L::Mask {
-    let mut trial = Trial { open, full: L::Mask::splat(false) };
+fn search(options: &Options, open: u32, parts: &mut dyn Rounds) -> u32 {
+    let mut trial = Trial { open, full: 0 };
     for round in 0..options.ls_iterations {
         let next = parts.probe(round == 0, trial.open);
         trial = Trial { open: next.open, full: trial.full | next.full };
-        if !L::any(trial.open) {
+        if trial.open == 0 {
             break;
         }
     }
@@ -87,12 +86,12 @@ pub struct PartByPart<'a, L: LaneQuery> {
     pub work: &'a mut SolverWork<L>,
 }
 
-impl<L: LaneQuery> Rounds<L> for PartByPart<'_, L> {
+impl<L: LaneQuery> Rounds for PartByPart<'_, L> {
     fn start(&mut self) {
         primal::start(self.problem, self.warmstart, self.code, self.work);
     }
 
-    fn direct(&mut self, first: bool, _: L::Mask) {
+    fn direct(&mut self, first: bool, _: u32) {
         let PartByPart { problem, code, work, .. } = self;
         if problem.model.options.solver == options::Solver::Cg {
             cg::direction(problem, first, work);
@@ -116,18 +115,21 @@ impl<L: LaneQuery> Rounds<L> for PartByPart<'_, L> {
         rows::approach(problem, *code, work);
     }
 
-    fn probe(&mut self, first: bool, open: L::Mask) -> Trial<L::Mask> {
+    fn probe(&mut self, first: bool, open: u32) -> Trial<u32> {
         let PartByPart { problem, code, work, .. } = self;
         if !first {
             rows::slope(problem, *code, work);
         }
-        match code.solver(SolverPart::Probe { first }, problem, &[], L::bits(open), work) {
-            Some([open, full]) => Trial { open: L::mask_of(open), full: L::mask_of(full) },
-            None => line::probe(problem, first, open, work),
+        match code.solver(SolverPart::Probe { first }, problem, &[], open, work) {
+            Some([open, full]) => Trial { open, full },
+            None => {
+                let Trial { open, full } = line::probe(problem, first, L::mask_of(open), work);
+                Trial { open: L::bits(open), full: L::bits(full) }
+            }
         }
     }
 
-    fn follow(&mut self, open: L::Mask) -> Arrival<L::Mask> {
+    fn follow(&mut self, open: u32) -> Arrival<u32> {
         rows::follow(self.problem, open, self.code, self.work)
     }
 }

@@ -80,7 +80,7 @@ pub fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut RowVector<L>) 
     for (y, law) in y.dof.iter_mut().zip(constraint.dof_laws()) {
         *y += law.reference();
     }
-    for (y, reference) in y.component.iter_mut().zip(&constraint.reference) {
+    for (y, reference) in y.component[..constraint.components].iter_mut().zip(&constraint.reference) {
         *y += *reference;
     }
 }
@@ -112,25 +112,28 @@ pub struct Arrival<M> {
 /// Jᵀf, and the gradient M a - smooth force - Jᵀf.
 pub fn follow<L: LaneQuery>(
     problem: &Problem<'_, L>,
-    open: L::Mask,
+    open: u32,
     code: &mut dyn Code<L>,
     work: &mut SolverWork<L>,
-) -> Arrival<L::Mask> {
-    let constraint = problem.constraint;
+) -> Arrival<u32> {
+    let (constraint, lanes) = (problem.constraint, L::mask_of(open));
     let SolverWork { fields, y, jp, force, line, .. } = work;
     let step = line.step();
     for row in constraint.apart() {
         let y = &mut y.component[row.components()];
-        contact::follow(step, open, y, &jp.component[row.components()]);
+        contact::follow(step, lanes, y, &jp.component[row.components()]);
         cone::force(constraint.law(row), y, &mut force.component[row.components()]);
     }
     if constraint.between_trees {
         pull_apart(problem, &force.component, &mut fields.pull);
     }
-    contact::act_all(problem, open, code, work);
-    match code.solver(SolverPart::Gather, problem, &[], L::bits(open), work) {
-        Some([converged, still]) => Arrival { converged: L::mask_of(converged), still: L::mask_of(still) },
-        None => gather(problem, open, work),
+    contact::act_all(problem, lanes, code, work);
+    match code.solver(SolverPart::Gather, problem, &[], open, work) {
+        Some([converged, still]) => Arrival { converged, still },
+        None => {
+            let Arrival { converged, still } = gather(problem, lanes, work);
+            Arrival { converged: L::bits(converged), still: L::bits(still) }
+        }
     }
 }
 
