@@ -14,7 +14,7 @@ use crate::status::First;
 use crate::store::Kept;
 
 /// Steps between two sortings that change something.
-pub(crate) const SPAN: usize = 8;
+pub(crate) const SPAN: usize = 16;
 /// Most blocks of a group.
 const MOST: usize = 16;
 /// Bytes of states of a group that stay in a core's cache.
