@@ -59,7 +59,8 @@ fn step_by<L: LaneQuery>(code: &mut dyn Code<L>, model: &Tables<L::Real>, state:
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
     let (convex, stages) = (&SupportCollider, Stages::up_to(Stage::Energy));
     let (residual, keep) = (false, true);
-    let mut run = Run { applied: None, clock: None, max_contacts: 1024, convex, stages, residual, code, keep };
+    let mut run =
+        Run { applied: None, varied: None, clock: None, max_contacts: 1024, convex, stages, residual, code, keep };
     pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
 }
 
@@ -350,7 +351,7 @@ fn bias(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> Vec<f64> {
     let mut inertia = inertia::Inertia::new(&tables.sizes);
     inertia::crb(tables, &position, &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
-    velocity::rne(tables, &position, &inertia, qvel, &mut velocity);
+    velocity::rne(tables.into(), &position, &inertia, qvel, &mut velocity);
     velocity.qfrc_bias
 }
 
@@ -480,7 +481,7 @@ fn momentum(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> [f64; 6] {
     let mut inertia = inertia::Inertia::new(&tables.sizes);
     inertia::crb(tables, &model_position, &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
-    velocity::rne(tables, &model_position, &inertia, qvel, &mut velocity);
+    velocity::rne(tables.into(), &model_position, &inertia, qvel, &mut velocity);
     let mut sum = [0.0; 6];
     for (l, link) in tables.links.iter().enumerate() {
         let h = spatial::inertia_mul(&inertia.link[l], &velocity.cvel[l]);

@@ -6,7 +6,7 @@ use crate::code::Code;
 use crate::collision::Colliders;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
-use crate::model::Model;
+use crate::model::{Instance, Model, Varied};
 use crate::passive::Passive;
 use crate::position::Position;
 pub use crate::stage::{Stage, StageClock, Stages};
@@ -22,6 +22,8 @@ use crate::{
 pub struct Run<'a, L> {
     /// Forces from outside, if there are any.
     pub applied: Option<&'a Applied<L>>,
+    /// Numbers of the model that vary from world to world, if any do.
+    pub varied: Option<&'a Varied<L>>,
     /// Clock, if stages are to be timed.
     pub clock: Option<&'a mut StageClock>,
     /// Largest number of contacts of a world.
@@ -47,6 +49,7 @@ pub fn forward<L: LaneQuery>(
     ws: &mut Workspace<L>,
 ) {
     let alive = L::mask_of(status.alive);
+    let instance = Instance { model, varied: run.varied };
     let stages = run.stages;
     let runs = |stage: Stage| stages.has(stage) && stage.present(model);
     let mut clock = run.clock.as_deref_mut();
@@ -55,14 +58,15 @@ pub fn forward<L: LaneQuery>(
             clock.end(stage);
         }
     };
-    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, run.applied, run.keep, ws) } else { None };
+    let coded =
+        if runs(Stage::Acceleration) { run.code.smooth(state, (run.applied, run.varied), run.keep, ws) } else { None };
     let placed = runs(Stage::Collision) || coded.is_some() && Stage::Collision.present(model);
     let [bad_controls, singular] = match coded {
         Some(masks) => {
             end(Stage::Acceleration);
             masks
         }
-        None => smooth(model, state, run.applied, &runs, ws.smooth(), &mut end).map(L::bits),
+        None => smooth(instance, state, run.applied, &runs, ws.smooth(), &mut end).map(L::bits),
     };
     status.record(Status::BAD_CTRL, bad_controls & status.alive);
     status.record(Status::SINGULAR_INERTIA, singular & status.alive);
@@ -70,7 +74,7 @@ pub fn forward<L: LaneQuery>(
         ws.collision.moved(alive);
     }
     if runs(Stage::Energy) {
-        energy::energy(model, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
+        energy::energy(instance, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
         end(Stage::Energy);
     }
     if runs(Stage::Collision) {
@@ -84,7 +88,7 @@ pub fn forward<L: LaneQuery>(
             constraint::dof_rows(model, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         }
         let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
-        constraint::contact_rows(model, motion, &ws.collision, run.code, &mut ws.constraint);
+        constraint::contact_rows(instance, motion, &ws.collision, run.code, &mut ws.constraint);
         end(Stage::Constraint);
     }
     if runs(Stage::Solver) {
@@ -117,7 +121,7 @@ impl<L> Smooth<'_, L> {
 /// From positions to the smooth acceleration, and how far geoms moved: those of its stages for which `runs` holds. Calls `end` after each. Returns
 /// the lanes with unusable controls and those with a singular inertia.
 pub fn smooth<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     state: &State<L>,
     applied: Option<&Applied<L>>,
     runs: &dyn Fn(Stage) -> bool,
@@ -126,14 +130,14 @@ pub fn smooth<L: Lane>(
 ) -> [L::Mask; 2] {
     let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
     let mut masks = [L::Mask::splat(false); 2];
-    position::kinematics(model, &state.qpos, position);
+    position::kinematics(&model, &state.qpos, position);
     end(Stage::Position);
     if runs(Stage::Collision) {
-        collision::way(model, &state.qpos, position, colliders);
+        collision::way(&model, &state.qpos, position, colliders);
         end(Stage::Collision);
     }
     if runs(Stage::Inertia) {
-        inertia::crb(model, position, inertia);
+        inertia::crb(&model, position, inertia);
         end(Stage::Inertia);
     }
     if runs(Stage::Velocity) {
@@ -149,8 +153,8 @@ pub fn smooth<L: Lane>(
         end(Stage::Actuation);
     }
     if runs(Stage::Acceleration) {
-        acceleration::smooth_force(model, position, velocity, passive, actuation, applied, acceleration);
-        masks[1] = acceleration::smooth_acceleration(model, position, inertia, acceleration);
+        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
+        masks[1] = acceleration::smooth_acceleration(&model, position, inertia, acceleration);
         end(Stage::Acceleration);
     }
     masks
@@ -199,9 +203,10 @@ pub fn step<L: LaneQuery>(
     }
     run.stages = run.stages | Stages::STEP;
     forward(model, state, run, status, ws);
-    if !run.code.euler(state, ws) {
+    if !run.code.euler(state, run.varied, ws) {
         let forces = [&ws.acceleration.qfrc_smooth[..], &ws.solver.fields.qfrc_constraint];
         let qacc = &ws.solver.fields.qacc;
+        let model = Instance { model, varied: run.varied };
         integration::euler(model, &ws.inertia, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
     }
     commit(model, state, status, ws);

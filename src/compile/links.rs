@@ -106,13 +106,13 @@ impl Links {
         link.zip(scene.bodies.iter().enumerate().map(com)).map(|(&link, com)| Body { link, com }).collect()
     }
 
-    /// Potential energy of the bodies that stand still.
-    pub fn potential_still(&self, scene: &Scene, gravity: [f64; 3]) -> f64 {
+    /// Masses and centres of mass of the bodies that stand still.
+    pub fn still(&self, scene: &Scene) -> Vec<(f64, [f64; 3])> {
         let still = scene.bodies.iter().enumerate().filter(|&(b, _)| self.body_link[b] == NONE);
-        let height = |(b, body): (usize, &super::order::Body)| {
-            -body.mass.mass * DVec3::from(gravity).dot(self.body_pose[b].then(&body.mass.frame).pos)
+        let place = |(b, body): (usize, &super::order::Body)| {
+            (body.mass.mass, self.body_pose[b].then(&body.mass.frame).pos.to_array())
         };
-        still.map(height).sum()
+        still.map(place).collect()
     }
 
     /// Where bodies, their inertial frames, geoms and sites are.

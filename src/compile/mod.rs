@@ -22,12 +22,13 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
+use glam::DVec3;
 use lanesim_kernels::collision::levers;
 use lanesim_kernels::model::{self as kernel, Features, Sizes};
 use lanesim_kernels::options::Options;
 
 use crate::diagnostics::Diagnostics;
-use crate::model::{ElementNames, Model, Names, Parts, Report};
+use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
 use crate::spec::{Source, Spec};
 use actuators::Actuators;
 use links::Links;
@@ -109,7 +110,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
-        potential_still: links.potential_still(&scene, gravity),
+        potential_still: potential(&links.still(&scene), gravity),
         gravity,
         bodies: links.bodies(&scene),
         links: links.links.clone(),
@@ -135,7 +136,17 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         arrays,
         counts: report::counts(spec, &scene, &links),
         report: Report { notes, losses: spec.losses.clone() },
+        basis: Basis {
+            still: links.still(&scene),
+            frictions: pairs.frictions,
+            damping_ratios: spec.actuators.iter().any(|actuator| actuator.dampratio > 0.0),
+        },
     }))
+}
+
+/// Potential energy of bodies that stand still: their masses and centres.
+pub(crate) fn potential(still: &[(f64, [f64; 3])], gravity: [f64; 3]) -> f64 {
+    still.iter().map(|(mass, at)| -mass * DVec3::from(gravity).dot(DVec3::from(*at))).sum()
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -8,7 +8,7 @@ use lanesim_kernels::constraint::{self, Constraint};
 use lanesim_kernels::inertia::Inertia;
 use lanesim_kernels::integration::{self, Integration};
 use lanesim_kernels::lane::Lane;
-use lanesim_kernels::model::Model;
+use lanesim_kernels::model::{Instance, Model, Quantities, Varied};
 use lanesim_kernels::options;
 use lanesim_kernels::passive::Passive;
 use lanesim_kernels::pipeline::{self, Smooth};
@@ -16,6 +16,8 @@ use lanesim_kernels::position::Position;
 use lanesim_kernels::stage::Stage;
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::velocity::Velocity;
+
+use super::readers;
 
 /// Which of the smooth stages' code: without or with forces from outside, for steps alone or for whoever reads fields.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +61,13 @@ pub fn smooth_fields<'a, L: Lane, T>(
     }
 }
 
+/// Numbers that vary, as far as a part reads them: one field for each quantity.
+pub fn varied_fields<'a, L: Lane>(varied: Option<&'a Varied<L>>, reads: Quantities, mut f: impl FnMut(&'a [L])) {
+    if let Some(varied) = varied {
+        varied.set().and(reads).iter().for_each(|quantity| f(varied.lanes(quantity)));
+    }
+}
+
 /// A recording, and the number of its next field.
 pub struct Binder<T: Float> {
     pub recording: Recording<T>,
@@ -78,6 +87,15 @@ impl<T: Float> Binder<T> {
         field
     }
 
+    /// Numbers that vary, as far as a part reads them, as the next fields.
+    pub fn varied(&mut self, model: &Model<T>, set: Quantities) -> Option<Varied<Recorder<T>>> {
+        let mut varied = Varied::new(model, set);
+        varied.for_each(&mut |lanes| {
+            self.input(lanes);
+        });
+        (!set.is_empty()).then_some(varied)
+    }
+
     /// Makes the lanes what the next field, which is only written, shall hold.
     pub fn output(&mut self, lanes: &[Recorder<T>]) {
         self.recording.output(self.next, lanes);
@@ -85,8 +103,9 @@ impl<T: Float> Binder<T> {
     }
 }
 
-/// Fields: qpos, qvel, ctrl; forces from outside, if any; those of [`smooth_fields`]. Masks: bad controls, singular inertia.
-pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
+/// Fields: qpos, qvel, ctrl; forces from outside, if any; what varies; those of [`smooth_fields`]. Masks: bad controls,
+/// singular inertia.
+pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
     for lanes in [&mut state.qpos, &mut state.qvel, &mut state.ctrl] {
@@ -99,6 +118,7 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
         });
         applied
     });
+    let varied = binder.varied(model, varying.and(readers::SMOOTH));
     let mut position = Position::new(&model.sizes);
     let mut inertia = Inertia::new(&model.sizes);
     let mut velocity = Velocity::new(&model.sizes);
@@ -120,7 +140,8 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
         binder.input(lanes);
     });
     let present = |stage: Stage| stage.present(model);
-    let masks = pipeline::smooth(model, &state, applied.as_ref(), &present, stages.borrow(), &mut |_| {});
+    let instance = Instance { model, varied: varied.as_ref() };
+    let masks = pipeline::smooth(instance, &state, applied.as_ref(), &present, stages.borrow(), &mut |_| {});
     let mut field = first;
     smooth_fields(model, kind.keep, stages, &mut |lanes| {
         binder.recording.output(field, lanes);
@@ -132,8 +153,9 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
     binder.recording.finish()
 }
 
-/// Fields: qpos, qvel, M, qacc, smooth force, force of constraints; next qpos, next qvel, acceleration over the step.
-pub fn euler<T: Float>(model: &Model<T>) -> Program<T> {
+/// Fields: qpos, qvel, M, qacc, smooth force, force of constraints; next qpos, next qvel, acceleration over the step; what
+/// varies.
+pub fn euler<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
     let mut inertia = Inertia::new(&model.sizes);
@@ -143,11 +165,22 @@ pub fn euler<T: Float>(model: &Model<T>) -> Program<T> {
     for lanes in [&mut state.qpos, &mut state.qvel, &mut inertia.m, &mut qacc, smooth, constraint] {
         binder.input(lanes);
     }
+    let next_field = binder.next;
+    binder.next += 3;
+    let varied = binder.varied(model, varying.and(readers::EULER));
     let mut next = Integration::new(&Stage::Integration.sizes(model));
     let forces = forces.each_ref().map(Vec::as_slice);
-    integration::euler(model, &inertia, &state.qpos, &state.qvel, &qacc, forces, &mut next);
+    integration::euler(
+        Instance { model, varied: varied.as_ref() },
+        &inertia,
+        &state.qpos,
+        &state.qvel,
+        &qacc,
+        forces,
+        &mut next,
+    );
     for (field, lanes) in [&next.qpos, &next.qvel, &next.qacc].into_iter().enumerate() {
-        binder.recording.output(binder.next + field, lanes);
+        binder.recording.output(next_field + field, lanes);
     }
     binder.recording.finish()
 }

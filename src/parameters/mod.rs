@@ -1,0 +1,278 @@
+//! Numbers of the model that differ from world to world.
+//!
+//! A [`Parameter`] is an array of the model that users set per world, by MuJoCo's name. From a world's arrays follow the
+//! numbers of the kernels' tables that depend on them, its [`Quantity`]s: they are found again whenever a parameter is set, so
+//! that no step ever uses a constant that was derived from other numbers. Where that is not possible, the parameter is
+//! refused.
+
+mod worlds;
+
+use lanesim_kernels::lane::Real;
+use lanesim_kernels::model::{Model as Tables, Quantities, Quantity, Transmission};
+
+use crate::compile::potential;
+use crate::error::Error;
+use crate::model::{ArrayData, FrictionSource, Model};
+
+/// An array of the model that can differ from world to world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Parameter {
+    /// Gravity, m/s²: 3 numbers.
+    Gravity,
+    /// Damping of each dof: `nv`.
+    DofDamping,
+    /// Stiffness of each joint's spring: `njnt`.
+    JntStiffness,
+    /// Gains of actuators: `nu` × 10, of which the first three count.
+    ActuatorGainprm,
+    /// Biases of actuators: `nu` × 10, of which the first three count.
+    ActuatorBiasprm,
+    /// Gears of actuators: `nu` × 6.
+    ActuatorGear,
+    /// Friction of geoms: `ngeom` × (sliding, spinning, rolling). Contacts have the larger of both geoms', or that of the
+    /// geom of higher priority; explicit pairs have their own.
+    GeomFriction,
+}
+
+/// Numbers of MuJoCo's arrays of gains and biases per actuator.
+const PRM: usize = 10;
+
+impl Parameter {
+    /// All of them, with MuJoCo's names.
+    pub const ALL: [(Parameter, &'static str); 7] = [
+        (Parameter::Gravity, "gravity"),
+        (Parameter::DofDamping, "dof_damping"),
+        (Parameter::JntStiffness, "jnt_stiffness"),
+        (Parameter::ActuatorGainprm, "actuator_gainprm"),
+        (Parameter::ActuatorBiasprm, "actuator_biasprm"),
+        (Parameter::ActuatorGear, "actuator_gear"),
+        (Parameter::GeomFriction, "geom_friction"),
+    ];
+
+    /// MuJoCo's name.
+    pub fn name(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+
+    /// The parameter of a name.
+    ///
+    /// # Errors
+    ///
+    /// If there is none; the message lists those that there are.
+    pub fn named(name: &str) -> Result<Parameter, Error> {
+        let found = Self::ALL.iter().find(|(_, known)| *known == name).map(|(parameter, _)| *parameter);
+        let names = Self::ALL.map(|(_, name)| name).join(", ");
+        found.ok_or_else(|| Error::Unknown(format!("{name} cannot differ between worlds; what can: {names}")))
+    }
+
+    /// A world's dimensions.
+    pub fn shape(self, model: &Model) -> &[usize] {
+        model.array(self.name()).map_or(&[], |array| &array.shape)
+    }
+
+    /// Numbers per world.
+    pub fn len(self, model: &Model) -> usize {
+        self.shape(model).iter().product()
+    }
+
+    /// The model's own numbers.
+    pub fn of(self, model: &Model) -> &[f64] {
+        match model.array(self.name()).map(|array| &array.data) {
+            Some(ArrayData::F64(data)) => data,
+            _ => &[],
+        }
+    }
+
+    /// The tables' numbers that follow from it.
+    pub(crate) const fn quantities(self) -> Quantities {
+        Quantities::of(match self {
+            Parameter::Gravity => &[Quantity::Gravity, Quantity::StillPotential],
+            Parameter::DofDamping => &[Quantity::Damping],
+            Parameter::JntStiffness => &[Quantity::Stiffness],
+            Parameter::ActuatorGainprm => &[Quantity::Gain],
+            Parameter::ActuatorBiasprm => &[Quantity::Bias],
+            Parameter::ActuatorGear => &[Quantity::Gear],
+            Parameter::GeomFriction => &[Quantity::Grip],
+        })
+    }
+
+    /// Whether the model has something that it governs, and worlds can have it of their own when the `others` vary already.
+    pub(crate) fn check(self, model: &Model, others: &[Parameter]) -> Result<(), Error> {
+        let (flags, name) = (&model.tables().options.flags, self.name());
+        let refuse = |why: &str| Err(Error::Input(format!("{name} cannot differ between worlds of this model: {why}")));
+        let some = |name: &str| model.array(name).is_some_and(|array| has_some(&array.data));
+        if self.len(model) == 0 {
+            return refuse("it has none");
+        }
+        match self {
+            Parameter::Gravity if !flags.gravity => refuse("the flag gravity is off"),
+            Parameter::DofDamping if !flags.damper => refuse("the flag damper is off"),
+            Parameter::JntStiffness if !flags.spring => refuse("the flag spring is off"),
+            Parameter::ActuatorGainprm | Parameter::ActuatorBiasprm | Parameter::ActuatorGear if !flags.actuation => {
+                refuse("the flag actuation is off")
+            }
+            Parameter::ActuatorGainprm
+                if model.basis().damping_ratios && !others.contains(&Parameter::ActuatorBiasprm) =>
+            {
+                refuse("dampratio derives biases from gains, which would be stale; set actuator_biasprm first")
+            }
+            Parameter::ActuatorBiasprm if !some("actuator_biastype") => refuse("no actuator has a bias"),
+            Parameter::ActuatorGear
+                if ["actuator_armature", "actuator_damping", "actuator_dampingpoly"].into_iter().any(some) =>
+            {
+                refuse("armature and damping of actuators act on joints through the gear and would be stale")
+            }
+            Parameter::ActuatorGear if model.basis().damping_ratios => {
+                refuse("dampratio derives biases from gears, which would be stale")
+            }
+            Parameter::GeomFriction if model.basis().frictions.iter().all(|source| *source == FrictionSource::Own) => {
+                refuse("no contact has the friction of its geoms")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether a world can have these numbers, none of which is larger than `most`.
+    pub(crate) fn check_values(self, model: &Model, world: usize, values: &[f64], most: f64) -> Result<(), Error> {
+        let wrong = |i: usize, expected: &str| {
+            let (name, x) = (self.name(), values[i]);
+            Err(Error::Input(format!("{name}[{i}] of world {world} is {x}; expected {expected}")))
+        };
+        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+            return wrong(i, "a finite number");
+        }
+        if let Some(i) = values.iter().position(|x| x.abs() > most) {
+            return wrong(i, "a number within the range of single precision");
+        }
+        match self {
+            Parameter::DofDamping | Parameter::GeomFriction => {
+                values.iter().position(|x| *x < 0.0).map_or(Ok(()), |i| wrong(i, "a number that is not negative"))
+            }
+            _ => {
+                let own = self.of(model);
+                let stray = |i: &usize| values[*i] != own[*i] && !self.counts(model, *i);
+                let found = (0..values.len()).find(stray);
+                found.map_or(Ok(()), |i| wrong(i, &format!("the model's {}, since it has no effect", own[i])))
+            }
+        }
+    }
+
+    /// Whether entry `i` has an effect: actuators do not use all of their numbers.
+    fn counts(self, model: &Model, i: usize) -> bool {
+        let kind = |name: &str| match model.array(name).map(|array| &array.data) {
+            Some(ArrayData::I32(kinds)) => kinds[i / PRM],
+            _ => 0,
+        };
+        match self {
+            Parameter::ActuatorGainprm => i.is_multiple_of(PRM) || i % PRM < 3 && kind("actuator_gaintype") != 0,
+            Parameter::ActuatorBiasprm => i % PRM < 3 && kind("actuator_biastype") != 0,
+            Parameter::ActuatorGear => match model.tables().actuators[i / 6].transmission {
+                Transmission::Scalar => i.is_multiple_of(6),
+                Transmission::Ball | Transmission::BallInParent => i % 6 < 3,
+                Transmission::Free | Transmission::FreeInParent => true,
+            },
+            _ => true,
+        }
+    }
+
+    /// The numbers of the tables that follow from a world's, quantity by quantity.
+    pub(crate) fn derive(self, model: &Model, values: &[f64], put: &mut dyn FnMut(Quantity, &[f64])) {
+        match self {
+            Parameter::Gravity => {
+                put(Quantity::Gravity, values);
+                put(Quantity::StillPotential, &[potential(&model.basis().still, [values[0], values[1], values[2]])]);
+            }
+            Parameter::DofDamping => put(Quantity::Damping, &damping(model, values)),
+            Parameter::JntStiffness => put(Quantity::Stiffness, values),
+            Parameter::ActuatorGainprm => put(Quantity::Gain, &affine(self, model, values)),
+            Parameter::ActuatorBiasprm => put(Quantity::Bias, &affine(self, model, values)),
+            Parameter::ActuatorGear => put(Quantity::Gear, values),
+            Parameter::GeomFriction => put(Quantity::Grip, &grips(model, values)),
+        }
+    }
+}
+
+/// Whether some entry is not zero.
+fn has_some(data: &ArrayData) -> bool {
+    match data {
+        ArrayData::F64(x) => x.iter().any(|x| *x != 0.0),
+        ArrayData::I32(x) => x.iter().any(|x| *x != 0),
+    }
+}
+
+/// Damping of dofs, with what actuators add to the joints' own.
+fn damping(model: &Model, own: &[f64]) -> Vec<f64> {
+    let tables = model.tables();
+    let mut added = vec![0.0; tables.joints.len()];
+    for (actuator, damping) in tables.actuators.iter().zip(real(model, "actuator_damping")) {
+        added[actuator.joint as usize] += damping * (actuator.gear[0] * actuator.gear[0]);
+    }
+    tables.dofs.iter().zip(own).map(|(dof, own)| own + added[dof.joint as usize]).collect()
+}
+
+/// An array of real numbers.
+fn real<'a>(model: &'a Model, name: &str) -> &'a [f64] {
+    match model.array(name).map(|array| &array.data) {
+        Some(ArrayData::F64(data)) => data,
+        _ => &[],
+    }
+}
+
+/// What the kernels have of gains or biases: the first three numbers of each actuator, those without effect zero.
+fn affine(parameter: Parameter, model: &Model, values: &[f64]) -> Vec<f64> {
+    let number = |a: usize, k: usize| if parameter.counts(model, PRM * a + k) { values[PRM * a + k] } else { 0.0 };
+    (0..values.len() / PRM).flat_map(|a| (0..3).map(move |k| number(a, k))).collect()
+}
+
+/// Friction of the pairs of geoms, mixed as the compiler does, and their inverse weights.
+fn grips(model: &Model, friction: &[f64]) -> Vec<f64> {
+    let of = |geom: usize| [friction[3 * geom], friction[3 * geom + 1], friction[3 * geom + 2]];
+    let mut out = Quantity::Grip.of(model.tables());
+    for (own, source) in out.chunks_exact_mut(6).zip(&model.basis().frictions) {
+        let [slide, spin, roll] = match *source {
+            FrictionSource::Own => continue,
+            FrictionSource::Geom(geom) => of(geom),
+            FrictionSource::Larger(a, b) => std::array::from_fn(|k| of(a)[k].max(of(b)[k])),
+        };
+        own[..5].copy_from_slice(&[slide, slide, spin, roll, roll]);
+    }
+    out
+}
+
+/// A number of the tables in another real type, as the tables themselves are rounded.
+pub(crate) fn rounded<T: Real>(quantity: Quantity, i: usize, x: f64) -> T {
+    // Friction may not fall below the type's least.
+    let least = quantity == Quantity::Grip && i % 6 < 5;
+    T::from_f64(if least { x.max(T::MINMU) } else { x })
+}
+
+/// The tables with a structure that allows for what varies, whatever values it takes.
+pub(crate) fn widened(model: &Model, set: Quantities) -> Tables<f64> {
+    let mut tables = Tables::clone(model.tables());
+    let flags = &tables.options.flags;
+    let features = &mut tables.features;
+    if set.has(Quantity::Gravity) {
+        features.gravcomp = (flags.spring || flags.damper) && tables.links.iter().any(|link| link.gravcomp != 0.0);
+    }
+    if set.has(Quantity::Damping) {
+        (features.dampers, features.implicit_damping) = (flags.damper, flags.damper && flags.eulerdamp);
+        tables.dofs.iter_mut().for_each(|dof| dof.damped = true);
+    }
+    if set.has(Quantity::Stiffness) {
+        features.springs = flags.spring;
+        tables.joints.iter_mut().for_each(|joint| joint.spring = true);
+    }
+    let affine = |name: &str, a: usize| match model.array(name).map(|array| &array.data) {
+        Some(ArrayData::I32(kinds)) => kinds[a] != 0,
+        _ => false,
+    };
+    for (a, actuator) in tables.actuators.iter_mut().enumerate() {
+        if set.has(Quantity::Gain) {
+            actuator.gain_affine = affine("actuator_gaintype", a);
+        }
+        if set.has(Quantity::Bias) {
+            actuator.bias_affine = affine("actuator_biastype", a);
+        }
+    }
+    tables
+}
