@@ -307,6 +307,7 @@ fn fails<T>(result: Result<T, Error>, message: &str) {
 #[test]
 fn impossible_numbers_are_named() {
     fails(Parameter::named("body_color"), "body_color cannot differ between worlds; what can: gravity, dof_damping");
+    fails(Parameter::named("body_mass"), "inverse weights of limits and contacts and the mean inertia follow from it");
     let mut worlds = Worlds::new(&Numbers::nominal().model(""), 3, &Options::default()).expect("a batch");
     fails(worlds.set_parameter(Parameter::Gravity, 3, &[0.0; 3]), "there is no world 3: the batch has 3");
     fails(worlds.set_parameter(Parameter::Gravity, 1, &[0.0; 2]), "gravity has 2 numbers; expected 3");

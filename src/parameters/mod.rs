@@ -34,6 +34,11 @@ pub enum Parameter {
     GeomFriction,
 }
 
+/// Arrays on which constants of the reference configuration depend, in places where every world has the same.
+const INERTIAL: [&str; 6] =
+    ["body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "actuator_armature"];
+const STALE: &str = " (inverse weights of limits and contacts and the mean inertia follow from it and would be stale; compile a model for each)";
+
 /// Numbers of MuJoCo's arrays of gains and biases per actuator.
 const PRM: usize = 10;
 
@@ -54,6 +59,19 @@ impl Parameter {
         Self::ALL[self as usize].1
     }
 
+    /// What it is, with dimensions and units.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Parameter::Gravity => "gravity [3], m/s^2",
+            Parameter::DofDamping => "damping of each dof [nv], N s/m or N m s",
+            Parameter::JntStiffness => "stiffness of each joint's spring [njnt], N/m or N m",
+            Parameter::ActuatorGainprm => "gain of each actuator [nu, 10], of which three count",
+            Parameter::ActuatorBiasprm => "bias of each actuator [nu, 10], of which three count",
+            Parameter::ActuatorGear => "gear of each actuator [nu, 6]",
+            Parameter::GeomFriction => "sliding, spinning, rolling friction of each geom [ngeom, 3]",
+        }
+    }
+
     /// The parameter of a name.
     ///
     /// # Errors
@@ -62,7 +80,8 @@ impl Parameter {
     pub fn named(name: &str) -> Result<Parameter, Error> {
         let found = Self::ALL.iter().find(|(_, known)| *known == name).map(|(parameter, _)| *parameter);
         let names = Self::ALL.map(|(_, name)| name).join(", ");
-        found.ok_or_else(|| Error::Unknown(format!("{name} cannot differ between worlds; what can: {names}")))
+        let stale = if INERTIAL.contains(&name) { STALE } else { "" };
+        found.ok_or_else(|| Error::Unknown(format!("{name} cannot differ between worlds{stale}; what can: {names}")))
     }
 
     /// A world's dimensions.
