@@ -35,12 +35,16 @@ struct Data {
 }
 
 /// What numbers of the tables follow from, beside the arrays.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Basis {
     /// Masses and centres of mass of the bodies that stand still.
     pub still: Vec<(f64, [f64; 3])>,
     /// By pair, where its friction comes from.
     pub frictions: Vec<FrictionSource>,
+    /// Whether some joint's spring and damper follow from inertias, by `springdamper`.
+    pub spring_dampers: bool,
+    /// What the model was compiled from.
+    pub spec: Spec,
     /// Whether some actuator's bias follows from its gain and from inertias, by `dampratio`.
     pub damping_ratios: bool,
 }

@@ -205,6 +205,8 @@ pub struct Worlds {
     running: Running,
     /// Worlds' rows of the parameters that vary, in the order in which they began to.
     pub(crate) parameters: Vec<(Parameter, Vec<f64>)>,
+    /// Tables in which what follows from a world's masses is computed, where these vary.
+    pub(crate) reweighed: Option<Box<lanesim_kernels::model::Model<f64>>>,
     pub(crate) engine: Box<dyn Engine>,
 }
 
@@ -236,7 +238,14 @@ impl Worlds {
                 Box::new(Batch::<f32x16>::new(model, nworld, &worker_code(code), pool, limit, restart)?)
             }
         };
-        Ok(Worlds { model: model.clone(), options: options.clone(), running, parameters: Vec::new(), engine })
+        Ok(Worlds {
+            model: model.clone(),
+            options: options.clone(),
+            running,
+            parameters: Vec::new(),
+            reweighed: None,
+            engine,
+        })
     }
 
     /// What steps the worlds.

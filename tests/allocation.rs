@@ -47,7 +47,7 @@ fn assert_parameters_are_silent() {
     let model = load("zoo/ant");
     let mut worlds = Worlds::new(&model, WORLDS, &options(Precision::F64, Backend::Auto)).expect("a batch");
     for parameter in [Parameter::Gravity, Parameter::GeomFriction] {
-        worlds.set_parameter(parameter, 3, &parameter.of(&model).to_vec()).expect("a parameter");
+        worlds.set_parameter(parameter, 3, parameter.of(&model)).expect("a parameter");
     }
     allocations(&mut worlds, &[], 2000, 1);
     let short = allocations(&mut worlds, &[], 1000, 2);

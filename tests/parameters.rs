@@ -27,6 +27,11 @@ struct Numbers {
     gear: [[f64; 3]; 4],
     /// Of the geoms: floor, trunk, arm, hand, foot, toe.
     friction: [[f64; 3]; 6],
+    /// Of the bodies: trunk, load, arm, hand, foot, toe, and a weight that hangs still.
+    mass: [f64; 7],
+    inertia: [[f64; 3]; 7],
+    /// Of the joints.
+    armature: [f64; 5],
 }
 
 impl Numbers {
@@ -47,6 +52,17 @@ impl Numbers {
                 [0.7, 0.005, 1e-4],
                 [0.3, 0.02, 2e-4],
             ],
+            mass: [4.0, 0.7, 1.1, 0.5, 0.9, 0.4, 3.0],
+            inertia: [
+                [0.03, 0.05, 0.06],
+                [0.001, 0.002, 0.002],
+                [0.01, 0.01, 0.003],
+                [0.002, 0.003, 0.004],
+                [0.003, 0.003, 0.002],
+                [0.001, 0.002, 0.0015],
+                [0.1, 0.1, 0.1],
+            ],
+            armature: [0.0, 0.01, 0.002, 0.1, 0.0],
         }
     }
 
@@ -64,6 +80,16 @@ impl Numbers {
             rows.as_flattened_mut().iter_mut().for_each(&mut scale);
         }
         own.friction.as_flattened_mut().iter_mut().for_each(&mut scale);
+        own.mass.iter_mut().for_each(&mut scale);
+        own.inertia.iter_mut().for_each(|moments| {
+            let mut factor = 1.0;
+            scale(&mut factor);
+            moments.iter_mut().for_each(|x| *x *= factor);
+        });
+        own.armature.iter_mut().for_each(|x| {
+            *x += 0.005;
+            scale(x);
+        });
         if id == 0 {
             (own.gravity, own.damping, own.stiffness) = ([0.0; 3], [0.0; 5], [0.0; 5]);
             own.friction[0] = [0.0; 3];
@@ -83,19 +109,25 @@ impl Numbers {
             Parameter::ActuatorBiasprm => own.bias = self.bias,
             Parameter::ActuatorGear => own.gear = self.gear,
             Parameter::GeomFriction => own.friction = self.friction,
+            Parameter::BodyMass => own.mass = self.mass,
+            Parameter::BodyInertia => own.inertia = self.inertia,
+            Parameter::DofArmature => own.armature = self.armature,
         }
         own
     }
 
     /// The row of a parameter.
     fn row(&self, parameter: Parameter) -> Vec<f64> {
+        let dofs = |[free, hinge, ball, slide, last]: [f64; 5]| {
+            [&[free; 6][..], &[hinge], &[ball; 3], &[slide, last]].concat()
+        };
         let ten = |rows: [[f64; 3]; 4]| rows.map(|[a, b, c]| [a, b, c, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).concat();
         match parameter {
             Parameter::Gravity => self.gravity.to_vec(),
-            Parameter::DofDamping => {
-                let [free, hinge, ball, slide, last] = self.damping;
-                [&[free; 6][..], &[hinge], &[ball; 3], &[slide, last]].concat()
-            }
+            Parameter::DofDamping => dofs(self.damping),
+            Parameter::DofArmature => dofs(self.armature),
+            Parameter::BodyMass => [&[0.0][..], &self.mass].concat(),
+            Parameter::BodyInertia => [&[0.0; 3][..], self.inertia.as_flattened()].concat(),
             Parameter::JntStiffness => self.stiffness.to_vec(),
             Parameter::ActuatorGainprm => ten(self.gain),
             Parameter::ActuatorBiasprm => ten(self.bias),
@@ -109,32 +141,40 @@ impl Numbers {
         let list = |x: &[f64]| x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ");
         let [d0, d1, d2, d3, d4] = self.damping;
         let [s0, s1, s2, s3, s4] = self.stiffness;
+        let [a0, a1, a2, a3, a4] = self.armature;
+        let places = [".01 0 .02", "0 .01 0", "0 0 .1", ".02 0 0", "0 0 -.1", "0 .1 0", "0 0 0"];
+        let inertial = |b: usize| {
+            let (mass, moments) = (self.mass[b], list(&self.inertia[b]));
+            format!("<inertial pos='{}' mass='{mass:?}' diaginertia='{moments}'/>", places[b])
+        };
         let f = self.friction.map(|f| list(&f));
         let [g, b, r] = [&self.gain, &self.bias, &self.gear].map(|rows| rows.each_ref().map(|row| list(row)));
         parse(&format!(
             "<mujoco><option gravity='{gravity}' {options}/>
             <worldbody>
               <geom name='floor' type='plane' size='5 5 1' friction='{f0}'/>
-              <body pos='0 0 .3' gravcomp='.2'>
-                <joint type='free' damping='{d0:?}' stiffness='{s0:?}'/>
+              <body pos='0 0 .3' gravcomp='.2'>{i0}
+                <joint type='free' armature='{a0:?}' damping='{d0:?}' stiffness='{s0:?}'/>
                 <geom name='trunk' type='capsule' size='.08 .15' euler='0 90 0' friction='{f1}'/>
-                <body pos='.25 0 0'>
-                  <joint name='elbow' axis='0 1 0' damping='{d1:?}' stiffness='{s1:?}' range='-100 100'/>
+                <body pos='0 -.1 .05' euler='20 30 0' gravcomp='.1'>{i1}</body>
+                <body pos='.25 0 0'>{i2}
+                  <joint name='elbow' axis='0 1 0' armature='{a1:?}' damping='{d1:?}' stiffness='{s1:?}' range='-100 100'/>
                   <geom name='arm' type='capsule' size='.04 .1' pos='0 0 .1' friction='{f2}'/>
-                  <body pos='0 0 .25'>
-                    <joint name='wrist' type='ball' damping='{d2:?}' stiffness='{s2:?}'/>
+                  <body pos='0 0 .25'>{i3}
+                    <joint name='wrist' type='ball' armature='{a2:?}' damping='{d2:?}' stiffness='{s2:?}'/>
                     <geom name='hand' size='.06' pos='.02 0 0' friction='{f3}' condim='4'/>
                   </body>
                 </body>
-                <body pos='-.2 .1 0'>
-                  <joint name='leg' type='slide' axis='0 0 1' damping='{d3:?}' stiffness='{s3:?}' range='-.1 .1' limited='true'/>
+                <body pos='-.2 .1 0'>{i4}
+                  <joint name='leg' type='slide' axis='0 0 1' armature='{a3:?}' damping='{d3:?}' stiffness='{s3:?}' range='-.1 .1' limited='true'/>
                   <geom name='foot' size='.07' pos='0 0 -.1' friction='{f4}' priority='1'/>
-                  <body pos='0 .1 -.1'>
-                    <joint name='toe' axis='1 0 0' damping='{d4:?}' stiffness='{s4:?}'/>
+                  <body pos='0 .1 -.1'>{i5}
+                    <joint name='toe' axis='1 0 0' frictionloss='.02' armature='{a4:?}' damping='{d4:?}' stiffness='{s4:?}'/>
                     <geom name='toe' size='.05' pos='0 .1 0' friction='{f5}'/>
                   </body>
                 </body>
               </body>
+              <body pos='3 0 2'>{i6}</body>
             </worldbody>
             <contact><pair geom1='toe' geom2='hand' friction='.4 .4 .01 .001 .001'/></contact>
             <actuator>
@@ -148,6 +188,8 @@ impl Numbers {
             g0 = g[0], g1 = g[1], g2 = g[2], g3 = g[3],
             b1 = b[1], b2 = b[2],
             r0 = r[0], r1 = r[1], r2 = r[2], r3 = r[3],
+            i0 = inertial(0), i1 = inertial(1), i2 = inertial(2), i3 = inertial(3), i4 = inertial(4), i5 = inertial(5),
+            i6 = inertial(6),
         ))
     }
 }
@@ -307,7 +349,7 @@ fn fails<T>(result: Result<T, Error>, message: &str) {
 #[test]
 fn impossible_numbers_are_named() {
     fails(Parameter::named("body_color"), "body_color cannot differ between worlds; what can: gravity, dof_damping");
-    fails(Parameter::named("body_mass"), "inverse weights of limits and contacts and the mean inertia follow from it");
+    fails(Parameter::named("body_ipos"), "inverse weights of limits and contacts and the mean inertia follow from it");
     let mut worlds = Worlds::new(&Numbers::nominal().model(""), 3, &Options::default()).expect("a batch");
     fails(worlds.set_parameter(Parameter::Gravity, 3, &[0.0; 3]), "there is no world 3: the batch has 3");
     fails(worlds.set_parameter(Parameter::Gravity, 1, &[0.0; 2]), "gravity has 2 numbers; expected 3");
@@ -325,6 +367,18 @@ fn impossible_numbers_are_named() {
     gain[2] = 0.5;
     let unused = worlds.set_parameter(Parameter::ActuatorGainprm, 2, &gain);
     fails(unused, "actuator_gainprm[2] of world 2 is 0.5; expected the model's 0, since it has no effect");
+    assert_eq!(worlds.varying().count(), 0, "what is refused does not vary");
+    let mut mass = Parameter::BodyMass.of(worlds.model()).to_vec();
+    mass[0] = 1.0;
+    let still = worlds.set_parameter(Parameter::BodyMass, 0, &mass);
+    fails(still, "body_mass[0] of world 0 is 1; expected 0, as in the model");
+    (mass[0], mass[2]) = (0.0, 0.0);
+    let light = worlds.set_parameter(Parameter::BodyMass, 0, &mass);
+    fails(light, "body_mass[2] of world 0 is 0; expected a positive number");
+    let mut inertia = Parameter::BodyInertia.of(worlds.model()).to_vec();
+    inertia[5] *= 10.0;
+    let thin = worlds.set_parameter(Parameter::BodyInertia, 0, &inertia);
+    fails(thin, "expected moments A, B, C with A + B >= C");
     assert_eq!(worlds.varying().count(), 0, "what is refused does not vary");
     let single = Options { precision: Precision::F32, ..Options::default() };
     let mut worlds = Worlds::new(&Numbers::nominal().model(""), 3, &single).expect("a batch");
@@ -359,10 +413,30 @@ fn what_would_be_stale_or_without_effect_is_refused() {
     let ratio = driven("<position joint='j' kp='5' dampratio='1'/>");
     refused(&ratio, Parameter::ActuatorGear, "dampratio derives biases from gears");
     refused(&ratio, Parameter::ActuatorGainprm, "dampratio derives biases from gains");
+    refused(&ratio, Parameter::BodyMass, "dampratio derives biases from inertias");
+    let sprung =
+        parse("<mujoco><worldbody><body><joint springdamper='1 1'/><geom size='.1'/></body></worldbody></mujoco>");
+    refused(&sprung, Parameter::DofArmature, "springdamper derives stiffness and damping from inertias");
     let mut worlds = Worlds::new(&ratio, 1, &Options::default()).expect("a batch");
     for parameter in [Parameter::ActuatorBiasprm, Parameter::ActuatorGainprm] {
         worlds.set_parameter(parameter, 0, parameter.of(&ratio)).expect("a bias of its own, then a gain");
     }
+}
+
+/// Outputs that depend on masses have those of their world.
+#[test]
+fn outputs_have_the_worlds_masses() {
+    let outputs = ["subtree_com", "energy", "qM"].map(|name| Output::named(name).expect("an output"));
+    let read = |worlds: &mut Worlds| {
+        let mut last = Vec::new();
+        worlds.forward(&outputs, &mut |_, lists| last = lists);
+        last
+    };
+    let (nominal, own) = (Numbers::nominal(), Numbers::of(2).only(Parameter::BodyMass));
+    let mut worlds = Worlds::new(&nominal.model(""), 2, &Options::default()).expect("a batch");
+    worlds.set_parameter(Parameter::BodyMass, 1, &own.row(Parameter::BodyMass)).expect("masses");
+    let mut alone = Worlds::new(&own.model(""), 1, &Options::default()).expect("a batch");
+    assert_eq!(read(&mut worlds), read(&mut alone));
 }
 
 /// Damping that actuators add to a joint's own stays.

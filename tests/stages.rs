@@ -299,7 +299,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Poses only.
 fn pose(tables: &Tables<f64>, qpos: &[f64]) -> Position<f64> {
     let mut position = Position::new(&tables.sizes);
-    kinematics(tables, qpos, &mut position);
+    kinematics(tables.into(), qpos, &mut position);
     position
 }
 
@@ -349,7 +349,7 @@ fn the_smooth_acceleration_solves_its_equation() {
 fn bias(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> Vec<f64> {
     let position = pose(tables, qpos);
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables, &position, &mut inertia);
+    inertia::crb(tables.into(), &position, &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
     velocity::rne(tables.into(), &position, &inertia, qvel, &mut velocity);
     velocity.qfrc_bias
@@ -357,7 +357,7 @@ fn bias(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> Vec<f64> {
 
 fn inertia_matrix(tables: &Tables<f64>, qpos: &[f64]) -> Vec<Vec<f64>> {
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables, &pose(tables, qpos), &mut inertia);
+    inertia::crb(tables.into(), &pose(tables, qpos), &mut inertia);
     dense(tables, &inertia.m)
 }
 
@@ -479,7 +479,7 @@ fn moves(tables: &Tables<f64>, dof: usize, mut link: usize) -> bool {
 fn momentum(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> [f64; 6] {
     let model_position = pose(tables, qpos);
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables, &model_position, &mut inertia);
+    inertia::crb(tables.into(), &model_position, &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
     velocity::rne(tables.into(), &model_position, &inertia, qvel, &mut velocity);
     let mut sum = [0.0; 6];

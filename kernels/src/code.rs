@@ -50,7 +50,7 @@ pub trait Code<L: LaneQuery> {
     }
 
     /// [`constraint::dof_lanes`](crate::constraint::dof_lanes), of all rows on joints that the model has.
-    fn dof_rows(&mut self, _: &State<L>, _: &mut Constraint<L>) -> bool {
+    fn dof_rows(&mut self, _: &State<L>, _: Option<&Varied<L>>, _: &mut Constraint<L>) -> bool {
         false
     }
 

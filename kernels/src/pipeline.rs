@@ -84,15 +84,15 @@ pub fn forward<L: LaneQuery>(
         end(Stage::Collision);
     }
     if runs(Stage::Constraint) {
-        if !run.code.dof_rows(state, &mut ws.constraint) {
-            constraint::dof_rows(model, &state.qpos, &state.qvel, alive, &mut ws.constraint);
+        if !run.code.dof_rows(state, run.varied, &mut ws.constraint) {
+            constraint::dof_rows(instance, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         }
         let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
         constraint::contact_rows(instance, motion, &ws.collision, run.code, &mut ws.constraint);
         end(Stage::Constraint);
     }
     if runs(Stage::Solver) {
-        let unfinished = solve(model, state, alive, run.residual, run.code, ws);
+        let unfinished = solve(instance, state, alive, run.residual, run.code, ws);
         status.record(Status::NOT_CONVERGED, L::bits(unfinished & alive));
         end(Stage::Solver);
     }
@@ -130,14 +130,14 @@ pub fn smooth<L: Lane>(
 ) -> [L::Mask; 2] {
     let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
     let mut masks = [L::Mask::splat(false); 2];
-    position::kinematics(&model, &state.qpos, position);
+    position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
     if runs(Stage::Collision) {
         collision::way(&model, &state.qpos, position, colliders);
         end(Stage::Collision);
     }
     if runs(Stage::Inertia) {
-        inertia::crb(&model, position, inertia);
+        inertia::crb(model, position, inertia);
         end(Stage::Inertia);
     }
     if runs(Stage::Velocity) {
@@ -154,7 +154,7 @@ pub fn smooth<L: Lane>(
     }
     if runs(Stage::Acceleration) {
         acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
-        masks[1] = acceleration::smooth_acceleration(&model, position, inertia, acceleration);
+        masks[1] = acceleration::smooth_acceleration(model, position, inertia, acceleration);
         end(Stage::Acceleration);
     }
     masks
@@ -162,7 +162,7 @@ pub fn smooth<L: Lane>(
 
 /// The constrained acceleration; the smooth one if no row acts in any world. Returns the lanes left unconverged.
 fn solve<L: LaneQuery>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     state: &State<L>,
     alive: L::Mask,
     residual: bool,
@@ -176,7 +176,8 @@ fn solve<L: LaneQuery>(
         return L::Mask::splat(false);
     }
     let problem = solver::Problem {
-        model,
+        model: model.model,
+        mean_inertia: model.mean_inertia(),
         position: &ws.position,
         inertia: &ws.inertia,
         acceleration: &ws.acceleration,

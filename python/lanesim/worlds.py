@@ -62,7 +62,7 @@ class StatusEvent(NamedTuple):
 
 PRECISIONS = ("f64", "f32")
 _FORCES = ("qfrc_applied", "xfrc_applied")
-_COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom"}
+_COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body": "nbody"}
 _KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart")
 
 

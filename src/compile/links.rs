@@ -102,8 +102,12 @@ impl Links {
     /// The bodies' table.
     pub fn bodies(&self, scene: &Scene) -> Vec<Body<f64>> {
         let com = |(b, body): (usize, &super::order::Body)| self.body_pose[b].then(&body.mass.frame).pos.to_array();
-        let link = self.body_link.iter();
-        link.zip(scene.bodies.iter().enumerate().map(com)).map(|(&link, com)| Body { link, com }).collect()
+        let table = |(b, body): (usize, &super::order::Body)| Body {
+            link: self.body_link[b],
+            com: com((b, body)),
+            mass: body.mass.mass,
+        };
+        scene.bodies.iter().enumerate().map(table).collect()
     }
 
     /// Masses and centres of mass of the bodies that stand still.

@@ -15,7 +15,7 @@ mod solver;
 mod structure;
 
 use std::collections::HashMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch};
 use lanesim_kernels::code::{Code, ContactPart, Outside, SolverPart};
@@ -51,6 +51,10 @@ type Part<T> = OnceLock<Option<Fragment<T>>>;
 pub(crate) struct ModelCode<T: Float> {
     tables: Arc<Tables<T>>,
     isa: InstructionSet,
+    /// What varies of what all parts may depend on.
+    set: Quantities,
+    /// Code where such varies, by what does.
+    inertial: Mutex<Vec<Arc<ModelCode<T>>>>,
     /// The smooth stages and the integration.
     readers: AllReaders<T>,
     joints: Part<T>,
@@ -83,10 +87,21 @@ impl<T: Float> ModelCode<T> {
     /// If this machine cannot run code of the instruction set, or the system does not allow new code.
     pub fn new(tables: &Arc<Tables<T>>, isa: InstructionSet) -> Result<Self, CompileError> {
         isa.check()?;
-        let code = ModelCode {
+        let code = ModelCode::varying(tables, isa, Quantities::NONE);
+        // Whether the system lets new code run shows at the first piece.
+        let euler = parts::euler(tables, Quantities::NONE).compile(isa)?.named("euler");
+        code.readers.first.euler.get_or_init(|| Some(euler));
+        Ok(code)
+    }
+
+    /// The same where some quantities vary in all that is compiled.
+    fn varying(tables: &Arc<Tables<T>>, isa: InstructionSet, set: Quantities) -> Self {
+        ModelCode {
             tables: tables.clone(),
             isa,
-            readers: AllReaders::new(tables),
+            set,
+            inertial: Mutex::default(),
+            readers: AllReaders::new(tables, set),
             joints: Part::new(),
             dof_rows: all_dof_rows(tables).collect(),
             structure: OnceLock::new(),
@@ -100,11 +115,18 @@ impl<T: Float> ModelCode<T> {
             near: OnceLock::new(),
             narrow: OnceLock::new(),
             rows: Default::default(),
-        };
-        // Whether the system lets new code run shows at the first piece.
-        let euler = parts::euler(tables, Quantities::NONE).compile(isa)?.named("euler");
-        code.readers.plain.euler.get_or_init(|| Some(euler));
-        Ok(code)
+        }
+    }
+
+    /// The code for a set in which the inertia matrix varies; `tables` is the model whose structure allows for it.
+    fn inertial(&self, tables: &Arc<Tables<T>>, set: Quantities) -> Arc<ModelCode<T>> {
+        let mut all = self.inertial.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = all.iter().find(|known| known.set == set) {
+            return known.clone();
+        }
+        let made = Arc::new(ModelCode::varying(tables, self.isa, set));
+        all.push(made.clone());
+        made
     }
 
     /// The instruction set.
@@ -137,15 +159,19 @@ impl<T: Float> ModelCode<T> {
     }
 
     fn joints(&self) -> Option<&Fragment<T>> {
-        self.get("joints", &self.joints, |tables| 60 * tables.limits.len(), parts::joints)
+        self.get("joints", &self.joints, |tables| 60 * tables.limits.len(), |tables| parts::joints(tables, self.set))
     }
 
     fn structure(&self) -> &Structure<T> {
-        self.structure.get_or_init(|| Structure::new(&self.tables))
+        self.structure.get_or_init(|| Structure::new(&self.tables, self.set))
     }
 
     #[inline]
     fn solver(&self, part: SolverPart) -> Option<&Fragment<T>> {
+        // The test of convergence has the mean inertia as a constant.
+        if part == SolverPart::Gather && self.set.has(Quantity::MeanInertia) {
+            return None;
+        }
         let number = solver::number(part);
         let record = |tables: &Tables<T>| solver::record(tables, self.structure(), part);
         self.get(solver::NAMES[number], &self.solver[number], |tables| solver::operations(part, tables), record)
@@ -208,8 +234,8 @@ impl<T: Float> ModelCode<T> {
     /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.
     pub fn parts(&self) -> Vec<(String, Option<&Fragment<T>>)> {
         let mut all = vec![
-            ("smooth".to_owned(), self.smooth(&self.readers.plain, SmoothKind { applied: false, keep: false })),
-            ("euler".to_owned(), self.euler(&self.readers.plain)),
+            ("smooth".to_owned(), self.smooth(&self.readers.first, SmoothKind { applied: false, keep: false })),
+            ("euler".to_owned(), self.euler(&self.readers.first)),
         ];
         all.extend(
             self.near().groups.iter().enumerate().map(|(g, group)| (format!("near {g}"), Some(&group.fragment))),
@@ -270,6 +296,8 @@ impl<T: Float> std::fmt::Debug for Codes<T> {
 
 /// A worker's way to the code.
 pub(crate) struct Native<T: Float> {
+    /// Where nothing varies.
+    base: Arc<ModelCode<T>>,
     code: Arc<ModelCode<T>>,
     /// What of the code depends on what varies.
     readers: Arc<Readers<T>>,
@@ -297,7 +325,8 @@ impl<T: Float> Native<T> {
         let varied_places = RowPlaces::with_capacity(0, 0);
         let (words, parallel) = (Vec::new(), Vec::new());
         Native {
-            readers: code.readers.plain.clone(),
+            readers: code.readers.first.clone(),
+            base: code.clone(),
             code,
             scratch: Scratch::new(),
             places,
@@ -319,10 +348,14 @@ fn grips<L: Lane>(varied: Option<&Varied<L>>) -> &[L] {
 const SMOOTH_FIELDS: usize = 64;
 /// Fields of the integration, beside what varies.
 const EULER_FIELDS: usize = 9;
+/// Fields of the rows on joints, likewise.
+const JOINT_FIELDS: usize = 3;
 
 impl<L: Block> Code<L> for Native<L::Float> {
     fn vary(&mut self, model: &Arc<Tables<L::Float>>, set: Quantities) {
-        self.readers = self.code.readers.get(model, set);
+        let all = !set.and(readers::INERTIAL).is_empty();
+        self.code = if all { self.base.inertial(model, set) } else { self.base.clone() };
+        self.readers = if all { self.code.readers.first.clone() } else { self.code.readers.get(model, set) };
         if set.has(Quantity::Grip) {
             let most = self.code.tables.capacity().contacts;
             self.varied_places = RowPlaces::with_capacity(most, most);
@@ -393,7 +426,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
         true
     }
 
-    fn dof_rows(&mut self, state: &State<L>, constraint: &mut Constraint<L>) -> bool {
+    fn dof_rows(&mut self, state: &State<L>, varied: Option<&Varied<L>>, constraint: &mut Constraint<L>) -> bool {
         let code = &self.code;
         if code.tables.options.solver == options::Solver::Pgs {
             return false;
@@ -407,9 +440,16 @@ impl<L: Block> Code<L> for Native<L::Float> {
             FieldSlice::read(&state.qpos),
             FieldSlice::read(&state.qvel),
             FieldSlice::write(constraint.dof_lanes.as_flattened_mut()),
+            FieldSlice::unused(),
+            FieldSlice::unused(),
         ];
+        let mut count = JOINT_FIELDS;
+        parts::varied_fields(varied, readers::JOINTS, |lanes| {
+            fields[count] = FieldSlice::read(lanes);
+            count += 1;
+        });
         let mut act = [0];
-        fragment.run(&mut self.scratch, &mut fields, &[], &mut act);
+        fragment.run(&mut self.scratch, &mut fields[..count], &[], &mut act);
         constraint.joint_lanes = act[0];
         true
     }

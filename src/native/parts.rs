@@ -185,8 +185,8 @@ pub fn euler<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     binder.recording.finish()
 }
 
-/// Fields: qpos, qvel; numbers of all rows on joints. Masks: worlds in which some of them acts.
-pub fn joints<T: Float>(model: &Model<T>) -> Program<T> {
+/// Fields: qpos, qvel; numbers of all rows on joints; what varies. Masks: worlds in which some of them acts.
+pub fn joints<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
     binder.input(&mut state.qpos);
@@ -194,8 +194,12 @@ pub fn joints<T: Float>(model: &Model<T>) -> Program<T> {
     let mut constraint = Constraint::new(model);
     constraint.dof_rows.extend(constraint::all_dof_rows(model));
     constraint.dof_lanes.resize(constraint.dof_rows.len(), [Recorder::zero(); 6]);
-    let act = constraint::dof_lanes(model, &state.qpos, &state.qvel, &mut constraint);
-    binder.recording.output(binder.next, constraint.dof_lanes.as_flattened());
+    let rows_field = binder.next;
+    binder.next += 1;
+    let varied = binder.varied(model, varying.and(readers::JOINTS));
+    let instance = Instance { model, varied: varied.as_ref() };
+    let act = constraint::dof_lanes(instance, &state.qpos, &state.qvel, &mut constraint);
+    binder.recording.output(rows_field, constraint.dof_lanes.as_flattened());
     binder.recording.mask_output(act);
     binder.recording.finish()
 }

@@ -16,9 +16,19 @@ pub const SMOOTH: Quantities = Quantities::of(&[
     Quantity::Gain,
     Quantity::Bias,
     Quantity::Gear,
+    Quantity::Link,
+    Quantity::Compensation,
+    Quantity::Armature,
 ]);
 /// What the integration reads.
 pub const EULER: Quantities = Quantities::of(&[Quantity::Damping]);
+
+/// What rows on joints read.
+pub const JOINTS: Quantities = Quantities::of(&[Quantity::LimitWeight, Quantity::Regulariser]);
+/// What the inertia matrix depends on, whose entries that do not depend on the state are part of the solver's code; and what
+/// rows on joints and the solver read: where these vary, all code is made anew.
+pub const INERTIAL: Quantities =
+    JOINTS.or(Quantities::of(&[Quantity::Link, Quantity::Armature, Quantity::MeanInertia]));
 
 /// Those parts for one set of varying quantities. What reads none of them is shared with other sets.
 pub struct Readers<T> {
@@ -32,10 +42,10 @@ pub struct Readers<T> {
 }
 
 impl<T: Float> Readers<T> {
-    /// Nothing varies, and nothing is compiled yet.
-    pub fn plain(tables: &Arc<Model<T>>) -> Self {
+    /// Nothing is compiled yet.
+    pub fn new(tables: &Arc<Model<T>>, set: Quantities) -> Self {
         let (smooth, euler) = (Arc::default(), Arc::new(OnceLock::new()));
-        Readers { tables: tables.clone(), set: Quantities::NONE, smooth, euler }
+        Readers { tables: tables.clone(), set, smooth, euler }
     }
 
     /// The smooth stages of a kind.
@@ -46,13 +56,14 @@ impl<T: Float> Readers<T> {
 
 /// All that were asked for.
 pub struct AllReaders<T> {
-    pub plain: Arc<Readers<T>>,
+    /// Those for the set that the code was made for, of quantities that vary in any case.
+    pub first: Arc<Readers<T>>,
     varying: Mutex<Vec<Arc<Readers<T>>>>,
 }
 
 impl<T: Float> AllReaders<T> {
-    pub fn new(tables: &Arc<Model<T>>) -> Self {
-        AllReaders { plain: Arc::new(Readers::plain(tables)), varying: Mutex::default() }
+    pub fn new(tables: &Arc<Model<T>>, set: Quantities) -> Self {
+        AllReaders { first: Arc::new(Readers::new(tables, set)), varying: Mutex::default() }
     }
 
     /// Those for a set; `tables` is the model whose structure allows for it.
@@ -61,8 +72,8 @@ impl<T: Float> AllReaders<T> {
         if let Some(known) = varying.iter().find(|known| known.set == set) {
             return known.clone();
         }
-        let own = Readers { set, ..Readers::plain(tables) };
-        let all = || [&self.plain].into_iter().chain(varying.iter());
+        let own = Readers::new(tables, set);
+        let all = || [&self.first].into_iter().chain(varying.iter());
         let alike = |reads: Quantities| all().find(|known| known.set.and(reads) == set.and(reads));
         let smooth = alike(SMOOTH).map_or(own.smooth, |known| known.smooth.clone());
         let euler = alike(EULER).map_or(own.euler, |known| known.euler.clone());

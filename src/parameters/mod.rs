@@ -10,7 +10,7 @@ mod worlds;
 use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Model as Tables, Quantities, Quantity, Transmission};
 
-use crate::compile::potential;
+use crate::compile::{self, Weights, potential};
 use crate::error::Error;
 use crate::model::{ArrayData, FrictionSource, Model};
 
@@ -32,19 +32,40 @@ pub enum Parameter {
     /// Friction of geoms: `ngeom` × (sliding, spinning, rolling). Contacts have the larger of both geoms', or that of the
     /// geom of higher priority; explicit pairs have their own.
     GeomFriction,
+    /// Mass of each body, kg: `nbody`. Its inertia does not follow.
+    BodyMass,
+    /// Principal moments of inertia of each body, kg m²: `nbody` × 3.
+    BodyInertia,
+    /// Armature of each dof: `nv`.
+    DofArmature,
 }
 
 /// Arrays on which constants of the reference configuration depend, in places where every world has the same.
-const INERTIAL: [&str; 6] =
-    ["body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "actuator_armature"];
+const INERTIAL: [&str; 3] = ["body_ipos", "body_iquat", "actuator_armature"];
 const STALE: &str = " (inverse weights of limits and contacts and the mean inertia follow from it and would be stale; compile a model for each)";
+
+/// Least mass and inertia of a body that has any.
+const MINVAL: f64 = 1e-15;
+
+/// What follows from masses, inertias and armature.
+pub(crate) const WEIGHTS: [Quantity; 9] = [
+    Quantity::Link,
+    Quantity::Compensation,
+    Quantity::Armature,
+    Quantity::LimitWeight,
+    Quantity::Regulariser,
+    Quantity::MeanInertia,
+    Quantity::BodyMass,
+    Quantity::StillPotential,
+    Quantity::Grip,
+];
 
 /// Numbers of MuJoCo's arrays of gains and biases per actuator.
 const PRM: usize = 10;
 
 impl Parameter {
     /// All of them, with MuJoCo's names.
-    pub const ALL: [(Parameter, &'static str); 7] = [
+    pub const ALL: [(Parameter, &'static str); 10] = [
         (Parameter::Gravity, "gravity"),
         (Parameter::DofDamping, "dof_damping"),
         (Parameter::JntStiffness, "jnt_stiffness"),
@@ -52,6 +73,9 @@ impl Parameter {
         (Parameter::ActuatorBiasprm, "actuator_biasprm"),
         (Parameter::ActuatorGear, "actuator_gear"),
         (Parameter::GeomFriction, "geom_friction"),
+        (Parameter::BodyMass, "body_mass"),
+        (Parameter::BodyInertia, "body_inertia"),
+        (Parameter::DofArmature, "dof_armature"),
     ];
 
     /// MuJoCo's name.
@@ -69,6 +93,9 @@ impl Parameter {
             Parameter::ActuatorBiasprm => "bias of each actuator [nu, 10], of which three count",
             Parameter::ActuatorGear => "gear of each actuator [nu, 6]",
             Parameter::GeomFriction => "sliding, spinning, rolling friction of each geom [ngeom, 3]",
+            Parameter::BodyMass => "mass of each body [nbody], kg; inertia does not follow",
+            Parameter::BodyInertia => "principal moments of inertia of each body [nbody, 3], kg m^2",
+            Parameter::DofArmature => "armature of each dof [nv], kg or kg m^2",
         }
     }
 
@@ -112,7 +139,13 @@ impl Parameter {
             Parameter::ActuatorBiasprm => &[Quantity::Bias],
             Parameter::ActuatorGear => &[Quantity::Gear],
             Parameter::GeomFriction => &[Quantity::Grip],
+            Parameter::BodyMass | Parameter::BodyInertia | Parameter::DofArmature => &WEIGHTS,
         })
+    }
+
+    /// Whether inverse weights follow from it.
+    pub(crate) fn weighs(self) -> bool {
+        matches!(self, Parameter::BodyMass | Parameter::BodyInertia | Parameter::DofArmature)
     }
 
     /// Whether the model has something that it governs, and worlds can have it of their own when the `others` vary already.
@@ -147,6 +180,16 @@ impl Parameter {
             Parameter::GeomFriction if model.basis().frictions.iter().all(|source| *source == FrictionSource::Own) => {
                 refuse("no contact has the friction of its geoms")
             }
+            _ if !self.weighs() => Ok(()),
+            _ if model.tables().links.is_empty() => refuse("no body moves"),
+            _ if model.basis().damping_ratios && !others.contains(&Parameter::ActuatorBiasprm) => {
+                refuse("dampratio derives biases from inertias, which would be stale; set actuator_biasprm first")
+            }
+            _ if model.basis().spring_dampers
+                && ![Parameter::JntStiffness, Parameter::DofDamping].iter().all(|own| others.contains(own)) =>
+            {
+                refuse("springdamper derives stiffness and damping from inertias, which would be stale; set both first")
+            }
             _ => Ok(()),
         }
     }
@@ -164,7 +207,17 @@ impl Parameter {
             return wrong(i, "a number within the range of single precision");
         }
         match self {
-            Parameter::DofDamping | Parameter::GeomFriction => {
+            Parameter::BodyMass | Parameter::BodyInertia => {
+                let own = self.of(model);
+                let bad = |i: &usize| if own[*i] > 0.0 { values[*i] < MINVAL } else { values[*i] != own[*i] };
+                if let Some(i) = (0..values.len()).find(bad) {
+                    return wrong(i, if own[i] > 0.0 { "a positive number" } else { "0, as in the model" });
+                }
+                let moments =
+                    values.chunks_exact(3).position(|moments| self != Parameter::BodyMass && violates(moments));
+                moments.map_or(Ok(()), |b| wrong(3 * b, "moments A, B, C with A + B >= C"))
+            }
+            Parameter::DofDamping | Parameter::GeomFriction | Parameter::DofArmature => {
                 values.iter().position(|x| *x < 0.0).map_or(Ok(()), |i| wrong(i, "a number that is not negative"))
             }
             _ => {
@@ -201,12 +254,14 @@ impl Parameter {
                 put(Quantity::Gravity, values);
                 put(Quantity::StillPotential, &[potential(&model.basis().still, [values[0], values[1], values[2]])]);
             }
-            Parameter::DofDamping => put(Quantity::Damping, &damping(model, values)),
+            Parameter::DofDamping => put(Quantity::Damping, &reflected(model, values, "actuator_damping")),
             Parameter::JntStiffness => put(Quantity::Stiffness, values),
             Parameter::ActuatorGainprm => put(Quantity::Gain, &affine(self, model, values)),
             Parameter::ActuatorBiasprm => put(Quantity::Bias, &affine(self, model, values)),
             Parameter::ActuatorGear => put(Quantity::Gear, values),
             Parameter::GeomFriction => put(Quantity::Grip, &grips(model, values)),
+            // What follows from several parameters together: see `reweigh`.
+            Parameter::BodyMass | Parameter::BodyInertia | Parameter::DofArmature => {}
         }
     }
 }
@@ -219,12 +274,12 @@ fn has_some(data: &ArrayData) -> bool {
     }
 }
 
-/// Damping of dofs, with what actuators add to the joints' own.
-fn damping(model: &Model, own: &[f64]) -> Vec<f64> {
+/// Damping or armature of dofs, with what actuators add to the joints' own.
+fn reflected(model: &Model, own: &[f64], array: &str) -> Vec<f64> {
     let tables = model.tables();
     let mut added = vec![0.0; tables.joints.len()];
-    for (actuator, damping) in tables.actuators.iter().zip(real(model, "actuator_damping")) {
-        added[actuator.joint as usize] += damping * (actuator.gear[0] * actuator.gear[0]);
+    for (actuator, x) in tables.actuators.iter().zip(real(model, array)) {
+        added[actuator.joint as usize] += x * (actuator.gear[0] * actuator.gear[0]);
     }
     tables.dofs.iter().zip(own).map(|(dof, own)| own + added[dof.joint as usize]).collect()
 }
@@ -258,6 +313,26 @@ fn grips(model: &Model, friction: &[f64]) -> Vec<f64> {
     out
 }
 
+/// Puts all that follows from masses, inertias and armature of a world, whose rows are `own`, into the tables.
+pub(crate) fn reweigh<'a>(model: &Model, own: &dyn Fn(Parameter) -> &'a [f64], tables: &mut Tables<f64>) {
+    if let [x, y, z] = own(Parameter::Gravity) {
+        tables.gravity = [*x, *y, *z];
+    }
+    for (pair, grip) in tables.pairs.iter_mut().zip(grips(model, own(Parameter::GeomFriction)).chunks_exact(6)) {
+        pair.friction.copy_from_slice(&grip[..5]);
+    }
+    let armature = reflected(model, own(Parameter::DofArmature), "actuator_armature");
+    let (mass, inertia) = (own(Parameter::BodyMass), own(Parameter::BodyInertia));
+    compile::reweigh(&model.basis().spec, &Weights { mass, inertia, armature: &armature }, tables);
+}
+
+/// Whether no body can have these moments of inertia.
+fn violates(moments: &[f64]) -> bool {
+    let [a, b, c] = [moments[0], moments[1], moments[2]];
+    let slack = 1.0 + 1e-12;
+    (a + b) * slack < c || (a + c) * slack < b || (b + c) * slack < a
+}
+
 /// A number of the tables in another real type, as the tables themselves are rounded.
 pub(crate) fn rounded<T: Real>(quantity: Quantity, i: usize, x: f64) -> T {
     // Friction may not fall below the type's least.
@@ -280,6 +355,9 @@ pub(crate) fn widened(model: &Model, set: Quantities) -> Tables<f64> {
     if set.has(Quantity::Stiffness) {
         features.springs = flags.spring;
         tables.joints.iter_mut().for_each(|joint| joint.spring = true);
+    }
+    if set.has(Quantity::Link) {
+        tables.links.iter_mut().for_each(|link| link.diagonal = false);
     }
     let affine = |name: &str, a: usize| match model.array(name).map(|array| &array.data) {
         Some(ArrayData::I32(kinds)) => kinds[a] != 0,

@@ -105,15 +105,28 @@ impl Worlds {
         let all = known.into_iter().chain([parameter]).map(Parameter::quantities);
         self.engine.vary(all.fold(Quantities::NONE, Quantities::or))?;
         self.parameters.push((parameter, rows));
+        if parameter.weighs() && self.reweighed.is_none() {
+            self.reweighed = Some(Box::new(lanesim_kernels::model::Model::clone(self.model.tables())));
+        }
         Ok(())
     }
 
     /// Keeps a world's row of a parameter that varies, and what follows from it.
     fn put(&mut self, parameter: Parameter, world: usize, values: &[f64]) {
-        let Worlds { model, engine, parameters, .. } = self;
+        let Worlds { model, engine, parameters, reweighed, .. } = self;
         for (_, rows) in parameters.iter_mut().filter(|(known, _)| *known == parameter) {
             rows[world * values.len()..][..values.len()].copy_from_slice(values);
         }
         parameter.derive(model, values, &mut |quantity, numbers| engine.put(quantity, world, numbers));
+        let Some(tables) = reweighed else { return };
+        if parameter.weighs() || [Parameter::Gravity, Parameter::GeomFriction].contains(&parameter) {
+            let own = |wanted: Parameter| {
+                let (own, n) = (wanted.of(model), wanted.len(model));
+                let varied = parameters.iter().find(|(known, _)| *known == wanted);
+                varied.map_or(own, |(_, rows)| &rows[world * n..][..n])
+            };
+            super::reweigh(model, &own, tables);
+            super::WEIGHTS.iter().for_each(|quantity| engine.put(*quantity, world, &quantity.of(tables)));
+        }
     }
 }

@@ -34,8 +34,9 @@ pub fn energy<L: Lane>(
     let mut potential = model.still_potential();
     let g = model.gravity();
     for (l, link) in model.links.iter().enumerate() {
+        let (mass, ..) = model.mass(l);
         let com = add(&position.com[l], &position.origin[link.tree as usize]);
-        potential = L::splat(link.mass).neg_mul_add(dot(&g, &com), potential);
+        potential = mass.neg_mul_add(dot(&g, &com), potential);
     }
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {

@@ -5,7 +5,7 @@
 
 use std::ops::Deref;
 
-use super::{Model, Pair};
+use super::{Link, Model, Pair};
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::splat;
 
@@ -28,11 +28,25 @@ pub enum Quantity {
     Gear,
     /// Friction and inverse weight of each pair, six numbers.
     Grip,
+    /// Mass, centre of mass and inertia of each link, ten numbers.
+    Link,
+    /// Gravity compensation of each link and where it acts, four numbers.
+    Compensation,
+    /// Armature of each dof.
+    Armature,
+    /// Inverse weight of each limit.
+    LimitWeight,
+    /// Regulariser of each dry friction.
+    Regulariser,
+    /// Mean inertia: one number.
+    MeanInertia,
+    /// Mass of each MJCF body.
+    BodyMass,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 8] = [
+    pub const ALL: [Quantity; 15] = [
         Quantity::Gravity,
         Quantity::StillPotential,
         Quantity::Damping,
@@ -41,6 +55,13 @@ impl Quantity {
         Quantity::Bias,
         Quantity::Gear,
         Quantity::Grip,
+        Quantity::Link,
+        Quantity::Compensation,
+        Quantity::Armature,
+        Quantity::LimitWeight,
+        Quantity::Regulariser,
+        Quantity::MeanInertia,
+        Quantity::BodyMass,
     ];
 
     /// The model's own numbers, element by element.
@@ -57,6 +78,19 @@ impl Quantity {
                 let grip = |pair: &Pair<T>| pair.friction.into_iter().chain([pair.invweight]);
                 model.pairs.iter().flat_map(grip).collect()
             }
+            Quantity::Link => {
+                let mass = |link: &Link<T>| [link.mass].into_iter().chain(link.com).chain(link.inertia);
+                model.links.iter().flat_map(mass).collect()
+            }
+            Quantity::Compensation => {
+                let lift = |link: &Link<T>| [link.gravcomp].into_iter().chain(link.gravcomp_pos);
+                model.links.iter().flat_map(lift).collect()
+            }
+            Quantity::Armature => model.dofs.iter().map(|dof| dof.armature).collect(),
+            Quantity::LimitWeight => model.limits.iter().map(|limit| limit.invweight).collect(),
+            Quantity::Regulariser => model.friction_losses.iter().map(|loss| loss.r).collect(),
+            Quantity::MeanInertia => vec![model.mean_inertia],
+            Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
         }
     }
 }
@@ -237,6 +271,50 @@ impl<L: Lane> Instance<'_, L> {
     #[inline(always)]
     pub fn gear(&self, actuator: usize) -> [L; 6] {
         self.entry(Quantity::Gear, actuator).unwrap_or_else(|| splat(&self.actuators[actuator].gear))
+    }
+
+    /// Mass of a link, its centre of mass, and its inertia.
+    #[inline(always)]
+    pub fn mass(&self, link: usize) -> (L, [L; 3], [L; 6]) {
+        let own = &self.links[link];
+        match self.entry(Quantity::Link, link) {
+            Some([mass, x, y, z, xx, yy, zz, xy, xz, yz]) => (mass, [x, y, z], [xx, yy, zz, xy, xz, yz]),
+            None => (L::splat(own.mass), splat(&own.com), splat(&own.inertia)),
+        }
+    }
+
+    /// Gravity compensation of a link, and where it acts.
+    #[inline(always)]
+    pub fn compensation(&self, link: usize) -> (L, [L; 3]) {
+        let own = &self.links[link];
+        match self.entry(Quantity::Compensation, link) {
+            Some([weight, x, y, z]) => (weight, [x, y, z]),
+            None => (L::splat(own.gravcomp), splat(&own.gravcomp_pos)),
+        }
+    }
+
+    /// Inertia added to a dof.
+    #[inline(always)]
+    pub fn armature(&self, dof: usize) -> L {
+        self.entry(Quantity::Armature, dof).map_or_else(|| L::splat(self.dofs[dof].armature), |[x]| x)
+    }
+
+    /// Inverse weight of a limit.
+    #[inline(always)]
+    pub fn limit_weight(&self, limit: usize) -> L {
+        self.entry(Quantity::LimitWeight, limit).map_or_else(|| L::splat(self.limits[limit].invweight), |[x]| x)
+    }
+
+    /// Regulariser of a dry friction.
+    #[inline(always)]
+    pub fn regulariser(&self, loss: usize) -> L {
+        self.entry(Quantity::Regulariser, loss).map_or_else(|| L::splat(self.friction_losses[loss].r), |[x]| x)
+    }
+
+    /// Mean diagonal of the inertia matrix.
+    #[inline(always)]
+    pub fn mean_inertia(&self) -> L {
+        self.entry(Quantity::MeanInertia, 0).map_or_else(|| L::splat(self.model.mean_inertia), |[x]| x)
     }
 
     /// Friction of a pair's contacts and its inverse weight, if they vary.

@@ -5,7 +5,7 @@ use crate::lane::Lane;
 use crate::math::quat;
 use crate::math::spatial::join;
 use crate::math::tree;
-use crate::math::vec3::{build, cross, mul_add, norm, scale, splat};
+use crate::math::vec3::{build, cross, mul_add, norm, scale};
 use crate::model::{Instance, Joint, JointKind};
 use crate::position::Position;
 
@@ -118,12 +118,12 @@ fn gravcomp<L: Lane>(model: Instance<'_, L>, position: &Position<L>, force: &mut
     force.fill(L::zero());
     let g = model.gravity();
     for (l, link) in model.links.iter().enumerate() {
-        let weight = L::splat(link.gravcomp);
+        let (weight, place) = model.compensation(l);
         if link.gravcomp == L::Real::default() {
             continue;
         }
         let lift = scale(-weight, &g);
-        let at = mul_add(&position.rot[l], &splat(&link.gravcomp_pos), &position.pos[l]);
+        let at = mul_add(&position.rot[l], &place, &position.pos[l]);
         let wrench = join(&cross(&at, &lift), &lift);
         tree::push(&model, &position.cdof, l, &wrench, force);
     }
