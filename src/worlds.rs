@@ -253,7 +253,8 @@ impl Worlds {
         &self.running
     }
 
-    /// The machine code that a plain step runs, part by part; empty if there is none. Makes what has not been needed yet.
+    /// The machine code that a plain step runs where all worlds have the model's own numbers, part by part; empty if there is
+    /// none. Makes what has not been needed yet.
     pub fn code(&self) -> Vec<CodePart> {
         fn list<T: Float>(code: &Result<Arc<ModelCode<T>>, String>) -> Vec<CodePart> {
             let parts = code.as_ref().map(|code| code.parts()).unwrap_or_default();

@@ -167,7 +167,7 @@ impl<T: Float> RowCode<T> {
         (row, dofs): (&ContactRow, usize),
         constraint: &mut Constraint<T::Block>,
     ) {
-        let from = row.pair as usize * Self::STRIDE;
+        let (from, grip) = (row.pair as usize * Self::STRIDE, row.pair as usize * GRIP);
         let (out, jacobian) = constraint.numbers_mut(row, dofs);
         let mut fields = [
             FieldSlice::read(collision.contact(row.contact as usize).0),
@@ -178,7 +178,7 @@ impl<T: Float> RowCode<T> {
             FieldSlice::write(out.motion.as_flattened_mut()),
             FieldSlice::write(out.reference),
             FieldSlice::write(jacobian),
-            FieldSlice::read(grips.get(GRIP * row.pair as usize..).map_or(&[], |own| &own[..GRIP])),
+            FieldSlice::read(grips.get(grip..grip + GRIP).unwrap_or_default()),
         ];
         let count = BOTH_FIELDS + usize::from(self.varying);
         fragment.run(scratch, &mut fields[..count], &[], &mut []);
