@@ -4,12 +4,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lanesim_kernels::code::Code;
+use lanesim_kernels::code::{Code, Outside};
 use lanesim_kernels::diagnosis;
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::Model as KernelModel;
+use lanesim_kernels::model::{Model as KernelModel, Quantities, Quantity, Varied};
 use lanesim_kernels::pipeline::{self, Run, StageClock};
-use lanesim_kernels::state::{Applied, BlockStatus, Status};
+use lanesim_kernels::state::{BlockStatus, Status};
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
@@ -19,6 +19,7 @@ use crate::group::{self, Group};
 use crate::model::{Key, Model};
 use crate::noise;
 use crate::outputs::{Buffers, Output, View};
+use crate::parameters;
 use crate::plan::Plan;
 use crate::pool::Pool;
 use crate::rollout::{Controls, Rollout, Statistics, Trajectories};
@@ -45,6 +46,8 @@ pub(crate) trait Engine: Send {
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>);
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>);
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
+    fn vary(&mut self, set: Quantities) -> Result<(), Error>;
+    fn put(&mut self, quantity: Quantity, world: usize, values: &[f64]);
     fn state_hash(&self) -> u64;
     fn memory(&self) -> (usize, usize);
 }
@@ -61,6 +64,8 @@ struct Crew<L: LaneQuery> {
     tables: Arc<KernelModel<L::Real>>,
     nworld: usize,
     max_contacts: usize,
+    /// What varies between worlds, and how many numbers of a world those are.
+    varying: (Quantities, usize),
     /// Where diverged worlds start again; `None`: they stay frozen.
     restart: Option<Key>,
     /// Steps taken since the batch was made.
@@ -116,9 +121,10 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         let tables = L::Real::tables(model).clone();
         let store = Store::new(&tables, nworld)?;
         let workers = (0..pool.threads()).map(|_| Mutex::new(Worker::new(&tables, code()))).collect();
-        let places = (0..pool.threads()).map(|_| Mutex::new(Group::new(&tables, 1))).collect();
+        let places = (0..pool.threads()).map(|_| Mutex::new(Group::new(&tables, 1, 0))).collect();
         let model = model.clone();
-        let crew = Crew { model, tables, nworld, max_contacts, restart, steps: 0, pool, workers, places };
+        let varying = (Quantities::NONE, 0);
+        let crew = Crew { model, tables, nworld, max_contacts, varying, restart, steps: 0, pool, workers, places };
         Ok(Batch { store, crew })
     }
 
@@ -236,7 +242,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         if plan.derived {
             self.check_state(block);
             let before = block.status;
-            let mut run = self.run(plan, block.applied.as_deref(), code.as_mut());
+            let mut run = self.run(plan, (block.applied.as_deref(), block.varied.as_deref()), code.as_mut());
             pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, workspace);
             if block.status != before {
                 self.note(block, before, workspace);
@@ -251,8 +257,8 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
 
     fn step_block(&self, rollout: &Rollout<'_>, plan: &Plan, block: &mut Block<L>, worker: &mut Worker<L>) {
         let before = block.status;
-        let Block { state, status, applied, .. } = block;
-        let mut run = self.run(plan, applied.as_deref(), worker.code.as_mut());
+        let Block { state, status, applied, varied, .. } = block;
+        let mut run = self.run(plan, (applied.as_deref(), varied.as_deref()), worker.code.as_mut());
         run.clock = rollout.clock.then_some(&mut worker.clock);
         pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
         if block.status != before {
@@ -263,10 +269,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
-    fn run<'a>(&self, plan: &Plan, applied: Option<&'a Applied<L>>, code: &'a mut dyn Code<L>) -> Run<'a, L> {
+    fn run<'a>(&self, plan: &Plan, (applied, varied): Outside<'a, L>, code: &'a mut dyn Code<L>) -> Run<'a, L> {
         let (max_contacts, convex) = (self.max_contacts, &SupportCollider);
         let Plan { stages, residual, derived: keep } = *plan;
-        Run { applied, clock: None, max_contacts, convex, stages, residual, code, keep }
+        Run { applied, varied, clock: None, max_contacts, convex, stages, residual, code, keep }
     }
 
     /// Flags what a state from outside should not have. A step leaves no such state.
@@ -430,11 +436,32 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         plan.residual |= rollout.statistics;
         self.crew.clear();
         let tables = &self.crew.tables;
-        let bytes = Store::<L>::block_bytes(&tables.sizes);
+        let bytes = Store::<L>::block_bytes(&tables.sizes) + self.crew.varying.1 * size_of::<L>();
         let size = group::size(tables, bytes, rollout.nstep);
         self.each(size, rows, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
         self.crew.steps += rollout.nstep as u64;
         self.crew.collect()
+    }
+
+    fn vary(&mut self, set: Quantities) -> Result<(), Error> {
+        let Batch { store, crew } = self;
+        let tables = L::Real::rounded(parameters::widened(&crew.model, set));
+        store.vary(&tables, set)?;
+        let lanes = set.iter().map(|quantity| quantity.of(&tables).len()).sum();
+        for worker in &crew.workers {
+            let mut worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
+            worker.workspace = Workspace::new(&tables);
+            worker.code.vary(&tables, set);
+        }
+        for place in &crew.places {
+            *place.lock().unwrap_or_else(PoisonError::into_inner) = Group::new(&tables, 1, lanes);
+        }
+        (crew.tables, crew.varying) = (tables, (set, lanes));
+        Ok(())
+    }
+
+    fn put(&mut self, quantity: Quantity, world: usize, values: &[f64]) {
+        self.store.put(quantity, world, values);
     }
 
     fn state_hash(&self) -> u64 {
@@ -448,7 +475,12 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn memory(&self) -> (usize, usize) {
-        (Store::<L>::block_bytes(&self.crew.tables.sizes) / L::WIDTH, self.crew.scratch())
+        let block = Store::<L>::block_bytes(&self.crew.tables.sizes);
+        let varied = match self.crew.varying {
+            (_, 0) => 0,
+            (_, lanes) => lanes * size_of::<L>() + size_of::<Varied<L>>(),
+        };
+        ((block + varied) / L::WIDTH, self.crew.scratch())
     }
 }
 

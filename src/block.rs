@@ -2,7 +2,7 @@
 //! worked on. In between they are in the store.
 
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{Model, Sizes};
+use lanesim_kernels::model::{Model, Sizes, Varied};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
 use crate::rows::Strided;
@@ -16,6 +16,8 @@ pub(crate) struct Block<L> {
     pub status: BlockStatus,
     /// Allocated when forces from outside are first set.
     pub applied: Option<Box<Applied<L>>>,
+    /// Numbers of the model that vary; in all blocks of a batch, or in none.
+    pub varied: Option<Box<Varied<L>>>,
     /// First time of each status of each lane; empty until something happens.
     pub firsts: Vec<First>,
     /// The worlds in the lanes, as numbers within what a worker has taken; the lanes after them are padding.
@@ -35,6 +37,7 @@ impl<L: LaneQuery> Block<L> {
             state,
             status: BlockStatus::default(),
             applied: None,
+            varied: None,
             firsts: Vec::new(),
             ids: Vec::with_capacity(L::WIDTH),
             done: 0,
@@ -135,6 +138,9 @@ impl<L: LaneQuery> Block<L> {
         self.state.for_each(&mut |field| f(field.data));
         if let Some(applied) = &mut self.applied {
             applied.for_each(&mut |field| f(field.data));
+        }
+        if let Some(varied) = &mut self.varied {
+            varied.for_each(f);
         }
     }
 

@@ -49,13 +49,15 @@ pub(crate) struct Group<L: LaneQuery> {
     order: Vec<(u64, usize)>,
     /// All blocks' lanes while they change places.
     moved: Vec<L>,
+    /// Lanes of a block that hold numbers of the model which vary.
+    varied: usize,
     sizes: Sizes,
 }
 
 impl<L: LaneQuery> Group<L> {
-    /// Room for a group of `size` blocks.
-    pub fn new(model: &Model<L::Real>, size: usize) -> Self {
-        let places = size * L::WIDTH;
+    /// Room for a group of `size` blocks, of which so many lanes hold numbers of the model that vary.
+    pub fn new(model: &Model<L::Real>, size: usize, varied: usize) -> Self {
+        let (places, len) = (size * L::WIDTH, state_len::<L>(&model.sizes) + varied);
         Group {
             blocks: (0..size).map(|_| Block::new(model)).collect(),
             used: 0,
@@ -63,7 +65,8 @@ impl<L: LaneQuery> Group<L> {
             common: vec![0; if size > 1 { model.sizes.nslot } else { 0 }],
             present: Vec::with_capacity(if size > 1 { model.sizes.nslot.min(places * SEEN) } else { 0 }),
             order: Vec::with_capacity(places),
-            moved: Vec::with_capacity(if size > 1 { size * state_len::<L>(&model.sizes) } else { 0 }),
+            moved: Vec::with_capacity(if size > 1 { size * len } else { 0 }),
+            varied,
             sizes: model.sizes.clone(),
         }
     }
@@ -71,7 +74,7 @@ impl<L: LaneQuery> Group<L> {
     /// Makes room for groups of `size` blocks.
     pub fn fit(&mut self, model: &Model<L::Real>, size: usize) {
         if self.blocks.len() < size {
-            *self = Group::new(model, size);
+            *self = Group::new(model, size, self.varied);
         }
     }
 
@@ -246,7 +249,7 @@ mod tests {
             <body><freejoint/><geom size='.1'/></body></worldbody></mujoco>";
         let model = Compiled::from_xml_string(text, &Default::default()).expect("a model");
         let tables = model.tables();
-        let mut group = Group::<f64x8>::new(tables, 2);
+        let mut group = Group::<f64x8>::new(tables, 2, 0);
         let len = state_len::<f64x8>(&tables.sizes);
         let (mut states, mut kept) = (vec![f64x8::splat(0.0); 2 * len], vec![Kept::default(), Kept::default()]);
         for (b, states) in states.chunks_mut(len).enumerate() {

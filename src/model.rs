@@ -31,6 +31,33 @@ struct Data {
     arrays: BTreeMap<&'static str, Array>,
     counts: Vec<(&'static str, usize)>,
     report: Report,
+    basis: Basis,
+}
+
+/// What numbers of the tables follow from, beside the arrays.
+#[derive(Clone, Debug)]
+pub(crate) struct Basis {
+    /// Masses and centres of mass of the bodies that stand still.
+    pub still: Vec<(f64, [f64; 3])>,
+    /// By pair, where its friction comes from.
+    pub frictions: Vec<FrictionSource>,
+    /// Whether some joint's spring and damper follow from inertias, by `springdamper`.
+    pub spring_dampers: bool,
+    /// What the model was compiled from.
+    pub spec: Spec,
+    /// Whether some actuator's bias follows from its gain and from inertias, by `dampratio`.
+    pub damping_ratios: bool,
+}
+
+/// Where the friction of a pair of geoms comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FrictionSource {
+    /// The pair has its own.
+    Own,
+    /// The geom of this number.
+    Geom(usize),
+    /// The larger of two geoms' coefficients.
+    Larger(usize, usize),
 }
 
 /// What the compiler hands over.
@@ -43,6 +70,7 @@ pub(crate) struct Parts {
     pub arrays: BTreeMap<&'static str, Array>,
     pub counts: Vec<(&'static str, usize)>,
     pub report: Report,
+    pub basis: Basis,
 }
 
 /// The names of one kind of element: by number and by name.
@@ -200,10 +228,22 @@ impl Model {
     }
 
     pub(crate) fn new(parts: Parts) -> Model {
-        let Parts { name, tables, names, placements, keys, arrays, counts, report } = parts;
+        let Parts { name, tables, names, placements, keys, arrays, counts, report, basis } = parts;
         let (tables, tables_f32) = (Arc::new(tables), OnceLock::new());
         let codes = Default::default();
-        Model(Arc::new(Data { name, tables, tables_f32, codes, names, placements, keys, arrays, counts, report }))
+        Model(Arc::new(Data {
+            name,
+            tables,
+            tables_f32,
+            codes,
+            names,
+            placements,
+            keys,
+            arrays,
+            counts,
+            report,
+            basis,
+        }))
     }
 
     /// Machine code of the model, for `f64` and `f32`.
@@ -286,6 +326,11 @@ impl Model {
         Ok(())
     }
 
+    /// What numbers of the tables follow from.
+    pub(crate) fn basis(&self) -> &Basis {
+        &self.0.basis
+    }
+
     /// Notes and losses.
     pub fn report(&self) -> &Report {
         &self.0.report
@@ -293,7 +338,7 @@ impl Model {
 }
 
 /// The tables in a smaller real type, with what may not fall below that type's least values.
-fn round<U: Real>(tables: &kernel::Model<f64>) -> kernel::Model<U> {
+pub(crate) fn round<U: Real>(tables: &kernel::Model<f64>) -> kernel::Model<U> {
     let mut out: kernel::Model<U> = tables.cast();
     for (pair, exact) in out.pairs.iter_mut().zip(&tables.pairs) {
         pair.friction = exact.friction.map(|x| U::from_f64(x.max(U::MINMU)));

@@ -3,12 +3,13 @@
 use std::ops::Range;
 
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{Model, Sizes};
+use lanesim_kernels::model::{Model, Quantities, Quantity, Sizes, Varied};
 use lanesim_kernels::state::{Applied, BlockStatus, Status, state_len};
 
 use crate::block::Block;
 use crate::error::Error;
 use crate::memory;
+use crate::parameters;
 use crate::status::First;
 use crate::worlds::Field;
 
@@ -27,6 +28,7 @@ pub(crate) struct Store<L> {
 pub(crate) struct Kept<L> {
     pub status: BlockStatus,
     pub applied: Option<Box<Applied<L>>>,
+    pub varied: Option<Box<Varied<L>>>,
     pub firsts: Vec<First>,
 }
 
@@ -45,7 +47,7 @@ impl<L: LaneQuery> Store<L> {
             first.state.for_each(&mut |field| states.extend_from_slice(field.data));
             let worlds = L::WIDTH.min(nworld - b * L::WIDTH);
             let status = BlockStatus { alive: ((1_u64 << worlds) - 1) as u32, ..BlockStatus::default() };
-            kept.push(Kept { status, applied: None, firsts: Vec::new() });
+            kept.push(Kept { status, applied: None, varied: None, firsts: Vec::new() });
         }
         Ok(Store { states, kept, len })
     }
@@ -53,6 +55,31 @@ impl<L: LaneQuery> Store<L> {
     /// Bytes of a block without forces from outside.
     pub fn block_bytes(sizes: &Sizes) -> usize {
         state_len::<L>(sizes) * size_of::<L>() + size_of::<Kept<L>>()
+    }
+
+    /// From now on these quantities of `model` vary, beside those that do already; every world has the model's own.
+    pub fn vary(&mut self, model: &Model<L::Real>, set: Quantities) -> Result<(), Error> {
+        let lanes: usize = set.iter().map(|quantity| quantity.of(model).len()).sum();
+        memory::ask("the worlds' parameters", &[self.kept.len(), lanes, size_of::<L>()])?;
+        let start = Varied::new(model, set);
+        for kept in &mut self.kept {
+            let mut varied = Box::new(start.clone());
+            if let Some(old) = &kept.varied {
+                let known = old.set().iter();
+                known.for_each(|quantity| varied.lanes_mut(quantity).copy_from_slice(old.lanes(quantity)));
+            }
+            kept.varied = Some(varied);
+        }
+        Ok(())
+    }
+
+    /// Sets a quantity that varies in one world.
+    pub fn put(&mut self, quantity: Quantity, world: usize, values: &[f64]) {
+        let varied = self.kept[world / L::WIDTH].varied.as_mut();
+        let lanes = varied.map_or(&mut [][..], |varied| varied.lanes_mut(quantity));
+        for (i, (entry, x)) in lanes.iter_mut().zip(values).enumerate() {
+            entry.set(world % L::WIDTH, parameters::rounded(quantity, i, *x));
+        }
     }
 
     /// All blocks, as many at a time as `size` says of the number that is left: their states, and what else is kept of them.
@@ -153,6 +180,7 @@ impl<L: LaneQuery> Block<L> {
         });
         self.status = kept.status;
         self.applied = kept.applied.take();
+        self.varied = kept.varied.take();
         self.firsts = std::mem::take(&mut kept.firsts);
     }
 
@@ -166,6 +194,7 @@ impl<L: LaneQuery> Block<L> {
         });
         kept.status = self.status;
         kept.applied = self.applied.take();
+        kept.varied = self.varied.take();
         kept.firsts = std::mem::take(&mut self.firsts);
     }
 }

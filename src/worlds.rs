@@ -14,6 +14,7 @@ use crate::memory;
 use crate::model::{Key, Model};
 use crate::native::{ModelCode, Native};
 use crate::outputs::Output;
+use crate::parameters::Parameter;
 use crate::pool::Pool;
 use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
@@ -199,10 +200,14 @@ impl Field {
 /// Many worlds of one model. A world's results are the same bits whatever its place, its neighbours, the number of worlds
 /// and the number of threads.
 pub struct Worlds {
-    model: Model,
-    options: Options,
+    pub(crate) model: Model,
+    pub(crate) options: Options,
     running: Running,
-    engine: Box<dyn Engine>,
+    /// Worlds' rows of the parameters that vary, in the order in which they began to.
+    pub(crate) parameters: Vec<(Parameter, Vec<f64>)>,
+    /// Tables in which what follows from a world's masses is computed, where these vary.
+    pub(crate) reweighed: Option<Box<lanesim_kernels::model::Model<f64>>>,
+    pub(crate) engine: Box<dyn Engine>,
 }
 
 impl Worlds {
@@ -233,7 +238,14 @@ impl Worlds {
                 Box::new(Batch::<f32x16>::new(model, nworld, &worker_code(code), pool, limit, restart)?)
             }
         };
-        Ok(Worlds { model: model.clone(), options: options.clone(), running, engine })
+        Ok(Worlds {
+            model: model.clone(),
+            options: options.clone(),
+            running,
+            parameters: Vec::new(),
+            reweighed: None,
+            engine,
+        })
     }
 
     /// What steps the worlds.
@@ -241,7 +253,8 @@ impl Worlds {
         &self.running
     }
 
-    /// The machine code that a plain step runs, part by part; empty if there is none. Makes what has not been needed yet.
+    /// The machine code that a plain step runs where all worlds have the model's own numbers, part by part; empty if there is
+    /// none. Makes what has not been needed yet.
     pub fn code(&self) -> Vec<CodePart> {
         fn list<T: Float>(code: &Result<Arc<ModelCode<T>>, String>) -> Vec<CodePart> {
             let parts = code.as_ref().map(|code| code.parts()).unwrap_or_default();
@@ -285,7 +298,7 @@ impl Worlds {
         self.engine.lanes()
     }
 
-    fn check_world(&self, world: usize) -> Result<(), Error> {
+    pub(crate) fn check_world(&self, world: usize) -> Result<(), Error> {
         if world < self.nworld() {
             return Ok(());
         }
@@ -390,18 +403,21 @@ impl Worlds {
     /// # Ok::<(), lanesim::Error>(())
     /// ```
     pub fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>) -> Result<(), Error> {
-        let (width, nworld) = (field.len(&self.model), self.nworld());
+        let width = field.len(&self.model);
         mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
-        if !rows.fits(nworld, width) {
-            let given = rows.values.len();
-            return Err(Error::Input(format!(
-                "{} has {given} numbers; expected {} = nworld {nworld} × {width}",
-                field.name(),
-                nworld * width
-            )));
-        }
+        self.check_fit(field.name(), rows, width)?;
         self.engine.write_all(field, rows, mask);
         Ok(())
+    }
+
+    pub(crate) fn check_fit(&self, name: &str, rows: &Strided<'_>, width: usize) -> Result<(), Error> {
+        let nworld = self.nworld();
+        if rows.fits(nworld, width) {
+            return Ok(());
+        }
+        let given = rows.values.len();
+        let expected = nworld * width;
+        Err(Error::Input(format!("{name} has {given} numbers; expected {expected} = nworld {nworld} × {width}")))
     }
 
     /// Writes outputs of all worlds' present states to the caller's arrays, `[nworld, width]` each, on all threads.
@@ -441,7 +457,7 @@ impl Worlds {
         Ok(())
     }
 
-    fn check_mask(&self, mask: &[bool]) -> Result<(), Error> {
+    pub(crate) fn check_mask(&self, mask: &[bool]) -> Result<(), Error> {
         let (given, expected) = (mask.len(), self.nworld());
         if given == expected {
             return Ok(());
@@ -512,9 +528,11 @@ impl Worlds {
         self.engine.state_hash()
     }
 
-    /// Bytes kept per world, and bytes of scratch per thread.
+    /// Bytes kept per world, parameters that vary included, and bytes of scratch per thread.
     pub fn memory(&self) -> (usize, usize) {
-        self.engine.memory()
+        let (world, thread) = self.engine.memory();
+        let rows: usize = self.parameters.iter().map(|(parameter, _)| parameter.len(&self.model)).sum();
+        (world + rows * size_of::<f64>(), thread)
     }
 }
 
@@ -527,17 +545,28 @@ fn key_state(model: &Model, key: Option<usize>) -> Result<Key, Error> {
 
 /// Tables of the model for a number type.
 pub trait Tables: Real {
+    /// Tables rounded to this type.
+    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<Self>>;
+
     /// The tables, rounded to this type.
     fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<Self>>;
 }
 
 impl Tables for f64 {
+    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<f64>> {
+        Arc::new(tables)
+    }
+
     fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f64>> {
         model.tables()
     }
 }
 
 impl Tables for f32 {
+    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<f32>> {
+        Arc::new(crate::model::round(&tables))
+    }
+
     fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f32>> {
         model.tables_f32()
     }

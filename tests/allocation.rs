@@ -5,7 +5,7 @@ mod support;
 use std::alloc::System;
 
 use lanesim::outputs::Output;
-use lanesim::{Backend, Controls, Model, OnDiverge, Options, Precision, Rollout, Worlds};
+use lanesim::{Backend, Controls, Model, OnDiverge, Options, Parameter, Precision, Rollout, Worlds};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use support::{all_models, load, options};
 
@@ -42,6 +42,19 @@ fn assert_silent(name: &str, model: &Model, options: &Options) {
     assert!(long <= short + SLACK, "{name}: {short} allocations in 1000 steps, {long} in 2000");
 }
 
+/// Nor do they where numbers of the model differ between worlds, which change places.
+fn assert_parameters_are_silent() {
+    let model = load("zoo/ant");
+    let mut worlds = Worlds::new(&model, WORLDS, &options(Precision::F64, Backend::Auto)).expect("a batch");
+    for parameter in [Parameter::Gravity, Parameter::GeomFriction] {
+        worlds.set_parameter(parameter, 3, parameter.of(&model)).expect("a parameter");
+    }
+    allocations(&mut worlds, &[], 2000, 1);
+    let short = allocations(&mut worlds, &[], 1000, 2);
+    let long = allocations(&mut worlds, &[], 2000, 2);
+    assert!(long <= short + SLACK, "parameters: {short} allocations in 1000 steps, {long} in 2000");
+}
+
 /// One test, so that no other allocates meanwhile.
 #[test]
 fn steps_do_not_allocate() {
@@ -56,4 +69,5 @@ fn steps_do_not_allocate() {
         let reset = Options { on_diverge: OnDiverge::Reset { key: None }, ..options(Precision::F64, Backend::Auto) };
         assert_silent(&format!("ant with {option}={value}"), &model, &reset);
     }
+    assert_parameters_are_silent();
 }

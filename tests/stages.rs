@@ -59,7 +59,8 @@ fn step_by<L: LaneQuery>(code: &mut dyn Code<L>, model: &Tables<L::Real>, state:
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
     let (convex, stages) = (&SupportCollider, Stages::up_to(Stage::Energy));
     let (residual, keep) = (false, true);
-    let mut run = Run { applied: None, clock: None, max_contacts: 1024, convex, stages, residual, code, keep };
+    let mut run =
+        Run { applied: None, varied: None, clock: None, max_contacts: 1024, convex, stages, residual, code, keep };
     pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
 }
 
@@ -298,7 +299,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Poses only.
 fn pose(tables: &Tables<f64>, qpos: &[f64]) -> Position<f64> {
     let mut position = Position::new(&tables.sizes);
-    kinematics(tables, qpos, &mut position);
+    kinematics(tables.into(), qpos, &mut position);
     position
 }
 
@@ -348,15 +349,15 @@ fn the_smooth_acceleration_solves_its_equation() {
 fn bias(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> Vec<f64> {
     let position = pose(tables, qpos);
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables, &position, &mut inertia);
+    inertia::crb(tables.into(), &position, &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
-    velocity::rne(tables, &position, &inertia, qvel, &mut velocity);
+    velocity::rne(tables.into(), &position, &inertia, qvel, &mut velocity);
     velocity.qfrc_bias
 }
 
 fn inertia_matrix(tables: &Tables<f64>, qpos: &[f64]) -> Vec<Vec<f64>> {
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables, &pose(tables, qpos), &mut inertia);
+    inertia::crb(tables.into(), &pose(tables, qpos), &mut inertia);
     dense(tables, &inertia.m)
 }
 
@@ -478,9 +479,9 @@ fn moves(tables: &Tables<f64>, dof: usize, mut link: usize) -> bool {
 fn momentum(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> [f64; 6] {
     let model_position = pose(tables, qpos);
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables, &model_position, &mut inertia);
+    inertia::crb(tables.into(), &model_position, &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
-    velocity::rne(tables, &model_position, &inertia, qvel, &mut velocity);
+    velocity::rne(tables.into(), &model_position, &inertia, qvel, &mut velocity);
     let mut sum = [0.0; 6];
     for (l, link) in tables.links.iter().enumerate() {
         let h = spatial::inertia_mul(&inertia.link[l], &velocity.cvel[l]);

@@ -1,8 +1,11 @@
 //! Parts of a step as code made for the model: straight lines in place of loops over its tables.
 
+use std::sync::Arc;
+
 use crate::collision::{Collision, Found, Near};
 use crate::constraint::{Constraint, ContactRow, Motion};
 use crate::lane::LaneQuery;
+use crate::model::{Model, Quantities, Varied};
 use crate::pipeline::Findings;
 use crate::position::Position;
 use crate::solver::contact::Contacts;
@@ -10,17 +13,17 @@ use crate::solver::{Problem, Rounds, SolverWork};
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
 
+/// What acts on a block from outside: forces, and numbers of the model that vary.
+pub type Outside<'a, L> = (Option<&'a Applied<L>>, Option<&'a Varied<L>>);
+
 /// Code that stands in for parts of a step. Every part does what the kernel that its documentation names does, with the
 /// same results up to signs of zeros. A part for which there is no code says so, and the kernel runs.
 pub trait Code<L: LaneQuery> {
+    /// From now on these quantities vary from world to world, within the structure of `model`.
+    fn vary(&mut self, _model: &Arc<Model<L::Real>>, _: Quantities) {}
+
     /// [`smooth`](crate::pipeline::smooth). Unless `keep`, only what later parts of a step read is written.
-    fn smooth(
-        &mut self,
-        _: &State<L>,
-        _: Option<&Applied<L>>,
-        _keep: bool,
-        _: &mut Workspace<L>,
-    ) -> Option<Findings<u32>> {
+    fn smooth(&mut self, _: &State<L>, _: Outside<'_, L>, _keep: bool, _: &mut Workspace<L>) -> Option<Findings<u32>> {
         None
     }
 
@@ -43,22 +46,34 @@ pub trait Code<L: LaneQuery> {
 
     /// [`integration::euler`](crate::integration::euler) from the solver's acceleration and the sum of forces, and
     /// [`commit`](crate::pipeline::commit) in the worlds of `alive`: returns those whose next state was usable.
-    fn euler(&mut self, _: &mut State<L>, _alive: u32, _: &mut Workspace<L>) -> Option<u32> {
+    fn euler(&mut self, _: &mut State<L>, _: Option<&Varied<L>>, _alive: u32, _: &mut Workspace<L>) -> Option<u32> {
         None
     }
 
     /// [`constraint::dof_lanes`](crate::constraint::dof_lanes), of all rows on joints that the model has.
-    fn dof_rows(&mut self, _: &State<L>, _: &mut Constraint<L>) -> bool {
+    fn dof_rows(&mut self, _: &State<L>, _: Option<&Varied<L>>, _: &mut Constraint<L>) -> bool {
         false
     }
 
     /// [`constraint::still_side`](crate::constraint::still_side) of all listed contacts one side of which stands still.
-    fn still_sides(&mut self, _: Motion<'_, L>, _: &Collision<L>, _: &mut Constraint<L>) -> bool {
+    fn still_sides(
+        &mut self,
+        _: Motion<'_, L>,
+        _: &Collision<L>,
+        _: Option<&Varied<L>>,
+        _: &mut Constraint<L>,
+    ) -> bool {
         false
     }
 
     /// [`constraint::both_sides`](crate::constraint::both_sides) of a listed contact with both sides in one tree.
-    fn both_sides(&mut self, _: Motion<'_, L>, _: &Collision<L>, _: &ContactRow, _: &mut Constraint<L>) -> bool {
+    fn both_sides(
+        &mut self,
+        _: Motion<'_, L>,
+        _: (&Collision<L>, &ContactRow),
+        _: Option<&Varied<L>>,
+        _: &mut Constraint<L>,
+    ) -> bool {
         false
     }
 

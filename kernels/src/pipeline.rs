@@ -7,7 +7,7 @@ use crate::collision::Colliders;
 use crate::inertia::Inertia;
 use crate::integration::Integration;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
-use crate::model::Model;
+use crate::model::{Instance, Model, Varied};
 use crate::passive::Passive;
 use crate::position::Position;
 use crate::solver::Solver;
@@ -24,6 +24,8 @@ use crate::{
 pub struct Run<'a, L> {
     /// Forces from outside, if there are any.
     pub applied: Option<&'a Applied<L>>,
+    /// Numbers of the model that vary from world to world, if any do.
+    pub varied: Option<&'a Varied<L>>,
     /// Clock, if stages are to be timed.
     pub clock: Option<&'a mut StageClock>,
     /// Largest number of contacts of a world.
@@ -49,6 +51,7 @@ pub fn forward<L: LaneQuery>(
     ws: &mut Workspace<L>,
 ) {
     let alive = L::mask_of(status.alive);
+    let instance = Instance { model, varied: run.varied };
     let stages = run.stages;
     let runs = |stage: Stage| stages.has(stage) && stage.present(model);
     let mut clock = run.clock.as_deref_mut();
@@ -57,18 +60,19 @@ pub fn forward<L: LaneQuery>(
             clock.end(stage);
         }
     };
-    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, run.applied, run.keep, ws) } else { None };
+    let outside = (run.applied, run.varied);
+    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, outside, run.keep, ws) } else { None };
     let findings = match coded {
         Some(findings) => {
             end(Stage::Acceleration);
             findings
         }
-        None => smooth(model, state, run.applied, &runs, ws.smooth(), &mut end).map(L::bits),
+        None => smooth(instance, state, run.applied, &runs, ws.smooth(), &mut end).map(L::bits),
     };
     status.record(Status::BAD_CTRL, findings.bad_controls & status.alive);
     status.record(Status::SINGULAR_INERTIA, findings.singular & status.alive);
     if runs(Stage::Energy) {
-        energy::energy(model, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
+        energy::energy(instance, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
         end(Stage::Energy);
     }
     if runs(Stage::Collision) {
@@ -83,15 +87,15 @@ pub fn forward<L: LaneQuery>(
         ws.constraint.clear();
         end(Stage::Constraint);
     } else if runs(Stage::Constraint) {
-        if !run.code.dof_rows(state, &mut ws.constraint) {
-            constraint::dof_rows(model, &state.qpos, &state.qvel, alive, &mut ws.constraint);
+        if !run.code.dof_rows(state, run.varied, &mut ws.constraint) {
+            constraint::dof_rows(instance, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         }
         let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
-        constraint::contact_rows(model, motion, &ws.collision, run.code, &mut ws.constraint);
+        constraint::contact_rows(instance, motion, &ws.collision, run.code, &mut ws.constraint);
         end(Stage::Constraint);
     }
     if runs(Stage::Solver) {
-        let unfinished = solve(model, state, alive, run.residual, run.code, ws);
+        let unfinished = solve(instance, state, alive, run.residual, run.code, ws);
         status.record(Status::NOT_CONVERGED, L::bits(unfinished & alive));
         end(Stage::Solver);
     }
@@ -154,7 +158,7 @@ impl<M> From<Findings<M>> for [M; 4] {
 /// From positions to the smooth acceleration, how far geoms moved, and where rows on joints act: those of its stages for which
 /// `runs` holds. Calls `end` after each.
 pub fn smooth<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     state: &State<L>,
     applied: Option<&Applied<L>>,
     runs: &dyn Fn(Stage) -> bool,
@@ -166,11 +170,11 @@ pub fn smooth<L: Lane>(
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
     if runs(Stage::Collision) {
-        findings.due = collision::way(model, &state.qpos, position, colliders);
+        findings.due = collision::way(&model, &state.qpos, position, colliders);
         end(Stage::Collision);
     }
     if runs(Stage::Constraint) {
-        findings.joint_rows = constraint::joint_rows(model, &state.qpos, &state.qvel);
+        findings.joint_rows = constraint::joint_rows(&model, &state.qpos, &state.qvel);
         end(Stage::Constraint);
     }
     if runs(Stage::Inertia) {
@@ -190,7 +194,7 @@ pub fn smooth<L: Lane>(
         end(Stage::Actuation);
     }
     if runs(Stage::Acceleration) {
-        acceleration::smooth_force(model, position, velocity, passive, actuation, applied, acceleration);
+        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
         findings.singular = acceleration::smooth_acceleration(model, position, inertia, acceleration);
         end(Stage::Acceleration);
     }
@@ -199,7 +203,7 @@ pub fn smooth<L: Lane>(
 
 /// The constrained acceleration; the smooth one if no row acts in any world. Returns the lanes left unconverged.
 fn solve<L: LaneQuery>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     state: &State<L>,
     alive: L::Mask,
     residual: bool,
@@ -213,7 +217,8 @@ fn solve<L: LaneQuery>(
         return L::Mask::splat(false);
     }
     let problem = solver::Problem {
-        model,
+        model: model.model,
+        mean_inertia: model.mean_inertia(),
         position: &ws.position,
         inertia: &ws.inertia,
         acceleration: &ws.acceleration,
@@ -240,11 +245,12 @@ pub fn step<L: LaneQuery>(
     }
     run.stages = run.stages | Stages::STEP;
     forward(model, state, run, status, ws);
-    let good = run.code.euler(state, status.alive, ws).unwrap_or_else(|| {
+    let good = run.code.euler(state, run.varied, status.alive, ws).unwrap_or_else(|| {
         let (smooth, alive) = (&ws.acceleration, L::mask_of(status.alive));
         let Solver { qacc, qfrc_constraint, .. } = &ws.solver.fields;
         let forces = [&smooth.qfrc_smooth[..], qfrc_constraint];
-        integration::euler(model, &ws.inertia, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
+        let instance = Instance { model, varied: run.varied };
+        integration::euler(instance, &ws.inertia, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
         L::bits(commit(model, &ws.integration, [qacc, &smooth.qacc_smooth], L::zero(), alive, state))
     });
     let lost = status.alive & !good;

@@ -9,7 +9,8 @@
 (1024, 10, 3)
 
 `Model` compiles MJCF. `Worlds` holds many worlds of a model. `rollout` has the shapes of ``mujoco.rollout``. `OUTPUTS`
-describes every quantity that ``Worlds.get`` and ``rollout(outputs=...)`` know. `lanesim.gym` has a vector environment.
+describes every quantity that ``Worlds.get`` and ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make
+differ between worlds. `lanesim.gym` has a vector environment.
 """
 
 from . import _lanesim
@@ -28,7 +29,7 @@ from .errors import (
 from .model import Cone, Integrator, Key, Model, Options, Report, Solver
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
-from .worlds import Status, StatusEvent, Worlds
+from .worlds import PARAMETERS, Status, StatusEvent, Worlds
 
 OUTPUTS: dict[str, str] = dict(_lanesim.OUTPUTS)
 """Names and meanings of everything that can be read or recorded."""
@@ -47,6 +48,7 @@ __all__ = [
     "OUTPUTS",
     "OptionError",
     "Options",
+    "PARAMETERS",
     "Report",
     "Rollout",
     "Solver",

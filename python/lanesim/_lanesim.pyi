@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-__all__ = ["Model", "OUTPUTS", "Pool", "STATUS", "Worlds", "__version__", "check_finite"]
+__all__ = ["Model", "OUTPUTS", "PARAMETERS", "Pool", "STATUS", "Worlds", "__version__", "check_finite"]
 
 __version__: str
 STATUS: list[tuple[str, int]]
 OUTPUTS: list[tuple[str, str]]
+PARAMETERS: list[tuple[str, str]]
 
 _File = tuple[str | None, str, str, str]
 _Overrides = Sequence[tuple[str, str]]
@@ -62,6 +63,11 @@ class Worlds:
         mask: NDArray[np.bool_] | None,
         checked: tuple[str, list[int]] | None,
     ) -> None: ...
+    def write_parameter(
+        self, name: str, values: NDArray[Any], place: tuple[int, int], mask: NDArray[np.bool_] | None
+    ) -> None: ...
+    def parameter(self, name: str) -> NDArray[np.float64]: ...
+    def varying(self) -> list[str]: ...
     def read(
         self, names: Sequence[str], targets: Sequence[NDArray[Any] | None]
     ) -> list[tuple[int, NDArray[Any]] | None]: ...

@@ -14,7 +14,10 @@ from .errors import InputError, UnknownNameError, UnsupportedError
 from .model import Model
 from .progress import Progress, following
 
-__all__ = ["Status", "StatusEvent", "Worlds"]
+__all__ = ["PARAMETERS", "Status", "StatusEvent", "Worlds"]
+
+PARAMETERS: dict[str, str] = dict(_lanesim.PARAMETERS)
+"""Names and meanings of the model's arrays that can differ from world to world."""
 
 
 class Status(enum.IntFlag):
@@ -59,6 +62,7 @@ class StatusEvent(NamedTuple):
 
 PRECISIONS = ("f64", "f32")
 _FORCES = ("qfrc_applied", "xfrc_applied")
+_COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body": "nbody"}
 _KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart")
 
 
@@ -164,7 +168,8 @@ class Worlds:
 
     @property
     def nbytes(self) -> int:
-        """Bytes kept by the engine for all worlds; forces from outside come on top once they are set."""
+        """Bytes kept by the engine for all worlds, parameters that differ between them included; forces from outside come on
+        top once they are set."""
         return self._w.engine()[3] * self._nworld
 
     def __len__(self) -> int:
@@ -238,10 +243,18 @@ class Worlds:
         return [StatusEvent(Status(bit), step, place) for bit, step, place in self._w.status_detail(world)]
 
     def set(self, name: str, values: ArrayLike, mask: ArrayLike | None = None) -> None:
-        """Sets a field of every world, or of those where `mask` ([nworld], bool) is true.
+        """Sets a field of every world, or of those where `mask` ([nworld], bool) is true; or a parameter of the model.
 
         `values` has the field's shape [nworld, ...], or that of one row, which every world gets. Integers and other
         floats are converted; numbers that are not finite, other types and other shapes raise `InputError`.
+
+        A parameter is an array of the model that can differ from world to world, such as ``gravity`` or ``geom_friction``:
+        `PARAMETERS` lists them. A world with numbers of its own has the bits of a model that was compiled with them. Once
+        one is set, all worlds have a row of their own, at first the model's; resets leave it as it is. What derived
+        constants would make inconsistent, or a flag without effect, raises `InputError` with the reason.
+
+        >>> worlds.set("gravity", [0.0, 0.0, -1.62], mask=moon)
+        >>> worlds.set("geom_friction", model.geom_friction * rng.uniform(0.5, 1.5, (worlds.nworld, 1, 1)))
         """
         mask = _arrays.mask_of(mask, self._nworld)
         row = self._row(name)
@@ -250,6 +263,10 @@ class Worlds:
         width = int(np.prod([n for _, n in row]))
         single = array.ndim == len(row) or (array.shape[0] == 1 and self._nworld > 1)
         stride = 0 if single else width
+        if name in PARAMETERS:
+            _lanesim.check_finite(name, array)
+            self._w.write_parameter(name, array, (0, stride), mask)
+            return
         self._w.write(name, array, (0, stride), mask, (name, list(array.shape)))
         self._forced |= name in _FORCES
 
@@ -266,9 +283,30 @@ class Worlds:
             "qfrc_applied": [("nv", m.nv)],
             "xfrc_applied": [("nbody", m.nbody), ("", 6)],
         }
+        if isinstance(name, str) and name in PARAMETERS:
+            shape = m._m.array(name).shape
+            return list(zip([_COUNTS.get(name.split("_")[0], ""), ""], shape))
+        if isinstance(name, str) and m._m.array(name) is not None:
+            self._w.parameter(name)  # Which says why it cannot.
         if not isinstance(name, str) or name not in rows:
-            raise UnknownNameError(f"there is no field {name} to set; there are {', '.join(rows)}")
+            known = ", ".join([*rows, *PARAMETERS])
+            raise UnknownNameError(f"there is no field {name} to set; there are {known}")
         return rows[name]
+
+    @property
+    def varying(self) -> tuple[str, ...]:
+        """Names of the parameters that differ between worlds, in the order in which they began to."""
+        return tuple(self._w.varying())
+
+    def _parameter(self, name: str, out: NDArray[Any] | None) -> NDArray[Any]:
+        row = self._row(name)
+        shape = (self._nworld, *(n for _, n in row))
+        rows = self._w.parameter(name).reshape(shape)
+        if out is None:
+            return rows
+        dims = [("nworld", self._nworld), *row]
+        np.copyto(_arrays.target(name, out, shape, dims, (np.float64, np.float32)), rows, casting="same_kind")
+        return out
 
     @overload
     def get(self, name: str, out: NDArray[Any] | None = None) -> NDArray[Any]: ...
@@ -280,6 +318,7 @@ class Worlds:
         State fields are copied; derived ones (``xpos``, ``qM``, ``qacc``, ``contact_dist``, ...) are computed for the
         present state, as `forward` does. Shapes are MuJoCo's with a leading [nworld]. Where worlds differ in length
         (contacts, constraint rows) arrays are padded with zeros to the longest, and ``ncon`` and ``nefc`` count.
+        Parameters (see `set`) are the numbers that were set, in float64.
 
         `out`: an array of that shape, float64 or float32 (int32 for integers), to write to instead of a new one.
         """
@@ -291,6 +330,11 @@ class Worlds:
         return dict(zip(names, self._read(names, [None] * len(names))))
 
     def _read(self, names: list[str], outs: list[NDArray[Any] | None]) -> list[NDArray[Any]]:
+        derived = [(name, out) for name, out in zip(names, outs) if name not in PARAMETERS]
+        arrays = iter(self._compute([name for name, _ in derived], [out for _, out in derived]))
+        return [self._parameter(name, out) if name in PARAMETERS else next(arrays) for name, out in zip(names, outs)]
+
+    def _compute(self, names: list[str], outs: list[NDArray[Any] | None]) -> list[NDArray[Any]]:
         arrays: list[Any] = []
         shapes = []
         for name, out in zip(names, outs):
@@ -350,7 +394,7 @@ class Worlds:
 
     def save_state(self) -> dict[str, NDArray[Any]]:
         """All that is kept of the worlds, bit by bit: a dict of arrays, fit for ``np.savez`` and for `load_state`."""
-        names = [*_KEPT, *(_FORCES if self._forced else ())]
+        names = [*_KEPT, *(_FORCES if self._forced else ()), *self.varying]
         return {**self.get(names), "status": self._w.statuses()}
 
     def load_state(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -359,7 +403,9 @@ class Worlds:
         if missing:
             raise InputError(f"the state has no array `{missing[0]}`")
         arrays = {}
-        for name in (*_KEPT, *(f for f in _FORCES if f in state)):
+        # Parameters in the order in which they were saved: some can only follow others.
+        parameters = [name for name in state if name in PARAMETERS]
+        for name in (*_KEPT, *(f for f in _FORCES if f in state), *parameters):
             arrays[name] = _arrays.numbers(name, state[name])
             dims = [("nworld", self._nworld), *self._row(name)]
             if arrays[name].shape != tuple(n for _, n in dims):
@@ -375,7 +421,12 @@ class Worlds:
             for name in _FORCES:
                 width = int(np.prod([n for _, n in self._row(name)]))
                 arrays.setdefault(name, np.broadcast_to(zero, (width,)).copy())
+        for name in self.varying:
+            arrays.setdefault(name, np.ascontiguousarray(self._model._m.array(name), dtype=np.float64))
         for name, array in arrays.items():
+            if name in PARAMETERS:
+                self.set(name, array)
+                continue
             width = int(np.prod([n for _, n in self._row(name)]))
             stride = width if array.ndim == 1 + len(self._row(name)) else 0
             self._w.write(name, array, (0, stride), None, None)

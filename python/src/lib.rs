@@ -26,6 +26,8 @@ mod _lanesim {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("STATUS", super::worlds::status_bits())?;
+        let parameters = lanesim::Parameter::ALL.map(|(parameter, name)| (name, parameter.meaning()));
+        module.add("PARAMETERS", parameters.to_vec())?;
         module.add("OUTPUTS", lanesim::outputs::Output::all().collect::<Vec<_>>())
     }
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided};
-use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Precision, Rollout};
+use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Precision, Rollout};
 use lanesim_kernels::state::Status;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -196,6 +196,40 @@ impl Worlds {
             worlds.write_all(field, &rows, mask)
         });
         result.map_err(|e| raise(py, e))
+    }
+
+    /// Sets a parameter of the worlds where `mask` is true; `place` as for `write`.
+    #[pyo3(signature = (name, values, place, mask))]
+    fn write_parameter(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        values: Numbers<'_>,
+        place: (usize, usize),
+        mask: Option<PyReadonlyArray1<'_, bool>>,
+    ) -> PyResult<()> {
+        let parameter = Parameter::named(name).map_err(|e| raise(py, e))?;
+        let rows = Strided { values: values.values()?, offset: place.0, stride: place.1 };
+        let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
+        let mut held = self.acquire(py)?;
+        let worlds = &mut held.state.worlds;
+        py.detach(|| worlds.set_parameters(parameter, &rows, mask)).map_err(|e| raise(py, e))
+    }
+
+    /// A parameter of all worlds, row by row.
+    fn parameter<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let parameter = Parameter::named(name).map_err(|e| raise(py, e))?;
+        let worlds = &self.acquire(py)?.state.worlds;
+        let mut all = Vec::with_capacity(worlds.nworld() * parameter.len(worlds.model()));
+        for world in 0..worlds.nworld() {
+            all.extend_from_slice(worlds.parameter(parameter, world).map_err(|e| raise(py, e))?);
+        }
+        Ok(all.into_pyarray(py))
+    }
+
+    /// Names of the parameters that differ between worlds, in the order in which they began to.
+    fn varying(&self, py: Python<'_>) -> PyResult<Vec<&'static str>> {
+        Ok(self.acquire(py)?.state.worlds.varying().map(Parameter::name).collect())
     }
 
     /// Computes outputs of the present states. Those with a target are written to it; the others, of which every world

@@ -102,17 +102,21 @@ impl Links {
     /// The bodies' table.
     pub fn bodies(&self, scene: &Scene) -> Vec<Body<f64>> {
         let com = |(b, body): (usize, &super::order::Body)| self.body_pose[b].then(&body.mass.frame).pos.to_array();
-        let link = self.body_link.iter();
-        link.zip(scene.bodies.iter().enumerate().map(com)).map(|(&link, com)| Body { link, com }).collect()
+        let table = |(b, body): (usize, &super::order::Body)| Body {
+            link: self.body_link[b],
+            com: com((b, body)),
+            mass: body.mass.mass,
+        };
+        scene.bodies.iter().enumerate().map(table).collect()
     }
 
-    /// Potential energy of the bodies that stand still.
-    pub fn potential_still(&self, scene: &Scene, gravity: [f64; 3]) -> f64 {
+    /// Masses and centres of mass of the bodies that stand still.
+    pub fn still(&self, scene: &Scene) -> Vec<(f64, [f64; 3])> {
         let still = scene.bodies.iter().enumerate().filter(|&(b, _)| self.body_link[b] == NONE);
-        let height = |(b, body): (usize, &super::order::Body)| {
-            -body.mass.mass * DVec3::from(gravity).dot(self.body_pose[b].then(&body.mass.frame).pos)
+        let place = |(b, body): (usize, &super::order::Body)| {
+            (body.mass.mass, self.body_pose[b].then(&body.mass.frame).pos.to_array())
         };
-        still.map(height).sum()
+        still.map(place).collect()
     }
 
     /// Where bodies, their inertial frames, geoms and sites are.

@@ -22,12 +22,13 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
+use glam::DVec3;
 use lanesim_kernels::collision::levers;
 use lanesim_kernels::model::{self as kernel, Features, Sizes};
 use lanesim_kernels::options::Options;
 
 use crate::diagnostics::Diagnostics;
-use crate::model::{ElementNames, Model, Names, Parts, Report};
+use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
 use crate::spec::{Source, Spec};
 use actuators::Actuators;
 use links::Links;
@@ -109,7 +110,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
-        potential_still: links.potential_still(&scene, gravity),
+        potential_still: potential(&links.still(&scene), gravity),
         gravity,
         bodies: links.bodies(&scene),
         links: links.links.clone(),
@@ -135,7 +136,54 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         arrays,
         counts: report::counts(spec, &scene, &links),
         report: Report { notes, losses: spec.losses.clone() },
+        basis: Basis {
+            still: links.still(&scene),
+            frictions: pairs.frictions,
+            spring_dampers: scene.joints.iter().any(|joint| joint.spec.springdamper[0] > 0.0),
+            spec: spec.clone(),
+            damping_ratios: spec.actuators.iter().any(|actuator| actuator.dampratio > 0.0),
+        },
     }))
+}
+
+/// Masses and inertias of bodies, and armature of dofs.
+pub(crate) struct Weights<'a> {
+    pub mass: &'a [f64],
+    pub inertia: &'a [f64],
+    pub armature: &'a [f64],
+}
+
+/// Gives the tables of a model, compiled from `spec`, other weights, with all that follows from them but for what
+/// `springdamper` and `dampratio` ask for.
+pub(crate) fn reweigh(spec: &Spec, weights: &Weights<'_>, tables: &mut kernel::Model<f64>) {
+    let mut scene = Scene::new(spec, &mut Diagnostics::default(), &mut Vec::new());
+    let given = weights.mass.iter().zip(weights.inertia.chunks_exact(3));
+    for (body, (mass, inertia)) in scene.bodies.iter_mut().zip(given) {
+        (body.mass.mass, body.mass.inertia) = (*mass, DVec3::from_slice(inertia));
+    }
+    for (dof, armature) in tables.dofs.iter_mut().zip(weights.armature) {
+        dof.armature = *armature;
+    }
+    let links = Links::new(&scene);
+    for (link, new) in tables.links.iter_mut().zip(&links.links) {
+        (link.mass, link.com, link.inertia) = (new.mass, new.com, new.inertia);
+        (link.gravcomp, link.gravcomp_pos) = (new.gravcomp, new.gravcomp_pos);
+    }
+    tables.bodies = links.bodies(&scene);
+    tables.potential_still = potential(&links.still(&scene), tables.gravity);
+    let derived = derived::Derived::new(&scene, &links, &tables.joints, &tables.dofs);
+    tables.limits = constraints::limits(&spec.option, &scene, &derived.dof_invweight0);
+    tables.friction_losses = constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0);
+    tables.mean_inertia = mean(&derived.dof_m0);
+    let weight = |geom: u32| derived.body_invweight0[scene.geoms[tables.geoms[geom as usize].id as usize].body][0];
+    for pair in &mut tables.pairs {
+        pair.invweight = weight(pair.geom1) + weight(pair.geom2);
+    }
+}
+
+/// Potential energy of bodies that stand still: their masses and centres.
+pub(crate) fn potential(still: &[(f64, [f64; 3])], gravity: [f64; 3]) -> f64 {
+    still.iter().map(|(mass, at)| -mass * DVec3::from(gravity).dot(DVec3::from(*at))).sum()
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -10,7 +10,7 @@ use super::links::Links;
 use super::order::{Placed, Scene};
 use super::pose::row_major;
 use crate::diagnostics::Diagnostics;
-use crate::model::Names;
+use crate::model::{FrictionSource, Names};
 use crate::spec::{self, Source, Spec};
 
 /// Most pairs of a model.
@@ -26,6 +26,8 @@ pub(crate) struct Pairs {
     pub geoms: Vec<Geom<f64>>,
     pub pairs: Vec<Pair<f64>>,
     pub dofs: Vec<PairDof>,
+    /// By pair.
+    pub frictions: Vec<FrictionSource>,
     pub nslot: usize,
 }
 
@@ -113,6 +115,10 @@ pub(crate) fn pairs(
             impedance: impedance(&spec.option, contact.solref, contact.solimp),
             friction_b: impedance(&spec.option, contact.solreffriction, contact.solimp).b,
             invweight: w1[0] + w2[0],
+        });
+        out.frictions.push(match written {
+            None if !spec.option.flags.override_ => friction_source(one, g1.spec, two, g2.spec),
+            _ => FrictionSource::Own,
         });
         out.nslot += slots;
     }
@@ -241,6 +247,15 @@ fn of_pair(p: &spec::Pair) -> Contact {
         solimp: p.solimp,
         margin: p.margin,
         gap: p.gap,
+    }
+}
+
+/// Whose friction the contacts of two geoms have that [mix](mix) theirs.
+fn friction_source(one: usize, a: &spec::Geom, two: usize, b: &spec::Geom) -> FrictionSource {
+    match a.priority.cmp(&b.priority) {
+        std::cmp::Ordering::Greater => FrictionSource::Geom(one),
+        std::cmp::Ordering::Less => FrictionSource::Geom(two),
+        std::cmp::Ordering::Equal => FrictionSource::Larger(one, two),
     }
 }
 

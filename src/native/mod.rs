@@ -8,32 +8,34 @@ mod fields;
 mod pairs;
 mod parts;
 mod patterns;
+mod readers;
 mod rounds;
 mod rows;
 mod solver;
 mod structure;
 
 use std::collections::HashMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use lanesim_codegen::{Block, CompileError, FieldSlice, Float, Fragment, InstructionSet, Program, Scratch};
-use lanesim_kernels::code::{Code, ContactPart, SolverPart};
+use lanesim_kernels::code::{Code, ContactPart, Outside, SolverPart};
 use lanesim_kernels::collision::{Collision, Found as FoundContact, Near};
 use lanesim_kernels::constraint::{self, Constraint, ContactRow, DofRow, Kind, Motion, all_dof_rows};
-use lanesim_kernels::lane::Real;
-use lanesim_kernels::model::{Model as Tables, Pair, Sides};
+use lanesim_kernels::lane::{Lane, Real};
+use lanesim_kernels::model::{Model as Tables, Pair, Quantities, Quantity, Sides, Varied};
 use lanesim_kernels::options;
 use lanesim_kernels::pipeline::Findings;
 use lanesim_kernels::position::Position;
 use lanesim_kernels::solver::contact::Contacts;
 use lanesim_kernels::solver::{Problem, Rounds, SolverWork};
-use lanesim_kernels::state::{Applied, State};
+use lanesim_kernels::state::State;
 use lanesim_kernels::workspace::Workspace;
 
 use contacts::{ContactCode, Places};
 use pairs::{NarrowCode, NearCode};
 use parts::SmoothKind;
 use patterns::{Found, Patterns};
+use readers::{AllReaders, Readers};
 use rounds::Bound;
 use rows::{RowCode, RowPlaces};
 use structure::Structure;
@@ -50,9 +52,12 @@ type Part<T> = OnceLock<Option<Fragment<T>>>;
 pub(crate) struct ModelCode<T: Float> {
     tables: Arc<Tables<T>>,
     isa: InstructionSet,
-    /// By [`SmoothKind`]: with forces from outside, and for readers of fields.
-    smooth: [[Part<T>; 2]; 2],
-    euler: Part<T>,
+    /// What varies of what all parts may depend on.
+    set: Quantities,
+    /// Code where such varies, by what does.
+    inertial: Mutex<Vec<Arc<ModelCode<T>>>>,
+    /// The smooth stages and the integration.
+    readers: AllReaders<T>,
     joints: Part<T>,
     /// All rows on joints that the model can have.
     dof_rows: Vec<DofRow>,
@@ -61,8 +66,8 @@ pub(crate) struct ModelCode<T: Float> {
     solver: [Part<T>; solver::ALL.len()],
     /// By pair; of pairs between the same links with contacts of the same kind that of the first.
     couple: Vec<Part<T>>,
-    /// Numbers of contacts both sides of which move, likewise.
-    both_sides: Vec<Part<T>>,
+    /// Numbers of contacts both sides of which move, likewise; and those with a grip that varies.
+    both_sides: [Vec<Part<T>>; 2],
     /// That first pair of each.
     first_pair: Vec<u32>,
     contacts: ContactCode<T>,
@@ -71,7 +76,8 @@ pub(crate) struct ModelCode<T: Float> {
     rounds: OnceLock<bool>,
     near: OnceLock<NearCode<T>>,
     narrow: OnceLock<NarrowCode<T>>,
-    rows: OnceLock<RowCode<T>>,
+    /// With shared grips, and with those that vary.
+    rows: [OnceLock<RowCode<T>>; 2],
 }
 
 impl<T: Float> ModelCode<T> {
@@ -82,29 +88,46 @@ impl<T: Float> ModelCode<T> {
     /// If this machine cannot run code of the instruction set, or the system does not allow new code.
     pub fn new(tables: &Arc<Tables<T>>, isa: InstructionSet) -> Result<Self, CompileError> {
         isa.check()?;
-        let code = ModelCode {
+        let code = ModelCode::varying(tables, isa, Quantities::NONE);
+        // Whether the system lets new code run shows at the first piece.
+        let euler = parts::euler(tables, Quantities::NONE).compile(isa)?.named("euler");
+        code.readers.first.euler.get_or_init(|| Some(euler));
+        Ok(code)
+    }
+
+    /// The same where some quantities vary in all that is compiled.
+    fn varying(tables: &Arc<Tables<T>>, isa: InstructionSet, set: Quantities) -> Self {
+        ModelCode {
             tables: tables.clone(),
             isa,
-            smooth: Default::default(),
-            euler: Part::new(),
+            set,
+            inertial: Mutex::default(),
+            readers: AllReaders::new(tables, set),
             joints: Part::new(),
             dof_rows: all_dof_rows(tables).collect(),
             structure: OnceLock::new(),
             solver: Default::default(),
             couple: tables.pairs.iter().map(|_| Part::new()).collect(),
-            both_sides: tables.pairs.iter().map(|_| Part::new()).collect(),
+            both_sides: [(); 2].map(|()| tables.pairs.iter().map(|_| Part::new()).collect()),
             first_pair: first_pairs(tables),
             contacts: ContactCode::default(),
             patterns: Patterns::new(tables),
             rounds: OnceLock::new(),
             near: OnceLock::new(),
             narrow: OnceLock::new(),
-            rows: OnceLock::new(),
-        };
-        // Whether the system lets new code run shows at the first piece.
-        let euler = parts::euler(tables).compile(isa)?.named("euler");
-        code.euler.get_or_init(|| Some(euler));
-        Ok(code)
+            rows: Default::default(),
+        }
+    }
+
+    /// The code for a set in which the inertia matrix varies; `tables` is the model whose structure allows for it.
+    fn inertial(&self, tables: &Arc<Tables<T>>, set: Quantities) -> Arc<ModelCode<T>> {
+        let mut all = self.inertial.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = all.iter().find(|known| known.set == set) {
+            return known.clone();
+        }
+        let made = Arc::new(ModelCode::varying(tables, self.isa, set));
+        all.push(made.clone());
+        made
     }
 
     /// The instruction set.
@@ -136,22 +159,30 @@ impl<T: Float> ModelCode<T> {
         .as_ref()
     }
 
-    fn smooth(&self, kind: SmoothKind) -> Option<&Fragment<T>> {
-        let part = &self.smooth[usize::from(kind.applied)][usize::from(kind.keep)];
+    fn smooth<'a>(&self, readers: &'a Readers<T>, kind: SmoothKind) -> Option<&'a Fragment<T>> {
         let operations = |tables: &_| PER_LINK * self.tables.sizes.nlink + solver::work_of_factor(tables, false);
-        self.get("smooth", part, operations, |tables| parts::smooth(tables, kind))
+        self.get("smooth", readers.smooth(kind), operations, |_| parts::smooth(&readers.tables, kind, readers.set))
+    }
+
+    /// The integration, if code can be had at all.
+    fn euler<'a>(&self, readers: &'a Readers<T>) -> Option<&'a Fragment<T>> {
+        self.get("euler", &readers.euler, |_| 0, |_| parts::euler(&readers.tables, readers.set))
     }
 
     fn joints(&self) -> Option<&Fragment<T>> {
-        self.get("joints", &self.joints, |tables| 60 * tables.limits.len(), parts::joints)
+        self.get("joints", &self.joints, |tables| 60 * tables.limits.len(), |tables| parts::joints(tables, self.set))
     }
 
     fn structure(&self) -> &Structure<T> {
-        self.structure.get_or_init(|| Structure::new(&self.tables))
+        self.structure.get_or_init(|| Structure::new(&self.tables, self.set))
     }
 
     #[inline]
     fn solver(&self, part: SolverPart) -> Option<&Fragment<T>> {
+        // The test of convergence has the mean inertia as a constant.
+        if part == SolverPart::Gather && self.set.has(Quantity::MeanInertia) {
+            return None;
+        }
         let number = solver::number(part);
         let record = |tables: &Tables<T>| solver::record(tables, self.structure(), part);
         self.get(solver::NAMES[number], &self.solver[number], |tables| solver::operations(part, tables), record)
@@ -167,15 +198,15 @@ impl<T: Float> ModelCode<T> {
         })
     }
 
-    fn both_sides(&self, pair: u32) -> Option<&Fragment<T>> {
+    fn both_sides(&self, pair: u32, varying: bool) -> Option<&Fragment<T>> {
         let first = self.first_pair[pair as usize] as usize;
         let operations = |tables: &Tables<T>| rows::operations_of_both(&tables.pairs[first]);
-        let record = |tables: &Tables<T>| rows::record_both(tables, self.structure(), &tables.pairs[first]);
-        self.get("rows", &self.both_sides[first], operations, record)
+        let record = |tables: &Tables<T>| rows::record_both(tables, self.structure(), &tables.pairs[first], varying);
+        self.get("rows", &self.both_sides[usize::from(varying)][first], operations, record)
     }
 
-    fn rows(&self) -> &RowCode<T> {
-        self.rows.get_or_init(|| RowCode::new(&self.tables))
+    fn rows(&self, varying: bool) -> &RowCode<T> {
+        self.rows[usize::from(varying)].get_or_init(|| RowCode::new(&self.tables, varying))
     }
 
     fn contact(&self, part: ContactPart, kind: Kind) -> Option<&Fragment<T>> {
@@ -218,8 +249,8 @@ impl<T: Float> ModelCode<T> {
     /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.
     pub fn parts(&self) -> Vec<(String, Option<&Fragment<T>>)> {
         let mut all = vec![
-            ("smooth".to_owned(), self.smooth(SmoothKind { applied: false, keep: false })),
-            ("euler".to_owned(), self.euler.get().and_then(Option::as_ref)),
+            ("smooth".to_owned(), self.smooth(&self.readers.first, SmoothKind { applied: false, keep: false })),
+            ("euler".to_owned(), self.euler(&self.readers.first)),
         ];
         all.extend(
             self.near().groups.iter().enumerate().map(|(g, group)| (format!("near {g}"), Some(&group.fragment))),
@@ -232,7 +263,7 @@ impl<T: Float> ModelCode<T> {
         let newton = solver == options::Solver::Newton;
         let (both, joins) = self.joins();
         all.push(("joints".to_owned(), self.joints()));
-        all.extend(self.rows().parts((&self.tables, self.structure().live, self.isa)));
+        all.extend(self.rows(false).parts((&self.tables, self.structure().live, self.isa)));
         for part in solver::ALL.into_iter().filter(|part| solver::wanted(*part, newton, both, joins)) {
             all.push((format!("solver.{}", solver::NAMES[solver::number(part)]), self.solver(part)));
         }
@@ -280,14 +311,20 @@ impl<T: Float> std::fmt::Debug for Codes<T> {
 
 /// A worker's way to the code.
 pub(crate) struct Native<T: Float> {
+    /// Where nothing varies.
+    base: Arc<ModelCode<T>>,
     code: Arc<ModelCode<T>>,
+    /// What of the code depends on what varies.
+    readers: Arc<Readers<T>>,
     scratch: Scratch,
     /// Of the contacts of the present solve.
     places: Places,
     /// Patterns that contacts have filled in.
     filled: Found,
     /// Of contacts while their numbers are written.
-    row_places: RowPlaces,
+    row_places: RowPlaces<{ rows::COLUMNS }>,
+    /// The same with grips that vary.
+    varied_places: RowPlaces<{ rows::COLUMNS + 1 }>,
     /// Masks that the bounding tests return.
     words: Vec<u32>,
     /// Where capsules are parallel, as 1 and 0.
@@ -300,23 +337,54 @@ impl<T: Float> Native<T> {
         let places = Places::with_capacity(most, constraint::kinds(&code.tables).len());
         let filled = Found::new(&code.tables);
         let row_places = RowPlaces::with_capacity(most, most);
+        let varied_places = RowPlaces::with_capacity(0, 0);
         let (words, parallel) = (Vec::new(), Vec::new());
-        Native { code, scratch: Scratch::new(), places, filled, row_places, words, parallel }
+        Native {
+            readers: code.readers.first.clone(),
+            base: code.clone(),
+            code,
+            scratch: Scratch::new(),
+            places,
+            filled,
+            row_places,
+            varied_places,
+            words,
+            parallel,
+        }
     }
+}
+
+/// Friction and inverse weights of pairs, where they vary.
+fn grips<L: Lane>(varied: Option<&Varied<L>>) -> &[L] {
+    varied.map_or(&[], |varied| varied.lanes(Quantity::Grip))
 }
 
 /// Most fields that the smooth stages have.
 const SMOOTH_FIELDS: usize = 64;
+/// Fields of the integration, beside what varies.
+const EULER_FIELDS: usize = 13;
+/// Fields of the rows on joints, likewise.
+const JOINT_FIELDS: usize = 3;
 
 impl<L: Block> Code<L> for Native<L::Float> {
+    fn vary(&mut self, model: &Arc<Tables<L::Float>>, set: Quantities) {
+        let all = !set.and(readers::INERTIAL).is_empty();
+        self.code = if all { self.base.inertial(model, set) } else { self.base.clone() };
+        self.readers = if all { self.code.readers.first.clone() } else { self.code.readers.get(model, set) };
+        if set.has(Quantity::Grip) {
+            let most = self.code.tables.capacity().contacts;
+            self.varied_places = RowPlaces::with_capacity(most, most);
+        }
+    }
+
     fn smooth(
         &mut self,
         state: &State<L>,
-        applied: Option<&Applied<L>>,
+        (applied, varied): Outside<'_, L>,
         keep: bool,
         ws: &mut Workspace<L>,
     ) -> Option<Findings<u32>> {
-        let fragment = self.code.smooth(SmoothKind { applied: applied.is_some(), keep })?;
+        let fragment = self.code.smooth(&self.readers, SmoothKind { applied: applied.is_some(), keep })?;
         let mut fields: [FieldSlice<'_, L::Float>; SMOOTH_FIELDS] = std::array::from_fn(|_| FieldSlice::unused());
         let mut count = 0;
         let mut put = |field| {
@@ -328,6 +396,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
             put(FieldSlice::read(&applied.qfrc_applied));
             put(FieldSlice::read(applied.xfrc_applied.as_flattened()));
         }
+        parts::varied_fields(varied, readers::SMOOTH, |lanes| put(FieldSlice::read(lanes)));
         parts::smooth_fields(&self.code.tables, keep, ws.smooth(), &mut |lanes| put(FieldSlice::write(lanes)));
         let mut masks = [0; 4];
         fragment.run(&mut self.scratch, &mut fields[..count], &[], &mut masks);
@@ -347,12 +416,19 @@ impl<L: Block> Code<L> for Native<L::Float> {
         code.run(self.code.isa, &mut self.scratch, &mut self.parallel, position, near, found)
     }
 
-    fn euler(&mut self, state: &mut State<L>, alive: u32, ws: &mut Workspace<L>) -> Option<u32> {
-        let fragment = self.code.euler.get().and_then(Option::as_ref)?;
+    fn euler(
+        &mut self,
+        state: &mut State<L>,
+        varied: Option<&Varied<L>>,
+        alive: u32,
+        ws: &mut Workspace<L>,
+    ) -> Option<u32> {
+        let fragment = self.code.euler(&self.readers)?;
         let solver = &ws.solver.fields;
         let next = &mut ws.integration;
         let zero = [L::Float::from_f64(0.0)];
-        let mut fields: [FieldSlice<'_, L::Float>; 13] = [
+        let mut count = EULER_FIELDS;
+        let mut fields = [
             FieldSlice::write(&mut state.qpos),
             FieldSlice::write(&mut state.qvel),
             FieldSlice::write(&mut state.qacc_warmstart),
@@ -366,13 +442,18 @@ impl<L: Block> Code<L> for Native<L::Float> {
             FieldSlice::write(&mut next.qpos),
             FieldSlice::write(&mut next.qvel),
             FieldSlice::write(&mut next.qacc),
+            FieldSlice::unused(),
         ];
+        parts::varied_fields(varied, readers::EULER, |lanes| {
+            fields[count] = FieldSlice::read(lanes);
+            count += 1;
+        });
         let mut good = [0];
-        fragment.run(&mut self.scratch, &mut fields, &[alive], &mut good);
+        fragment.run(&mut self.scratch, &mut fields[..count], &[alive], &mut good);
         Some(good[0])
     }
 
-    fn dof_rows(&mut self, state: &State<L>, constraint: &mut Constraint<L>) -> bool {
+    fn dof_rows(&mut self, state: &State<L>, varied: Option<&Varied<L>>, constraint: &mut Constraint<L>) -> bool {
         let code = &self.code;
         if code.tables.options.solver == options::Solver::Pgs {
             return false;
@@ -386,30 +467,47 @@ impl<L: Block> Code<L> for Native<L::Float> {
             FieldSlice::read(&state.qpos),
             FieldSlice::read(&state.qvel),
             FieldSlice::write(constraint.dof_lanes.as_flattened_mut()),
+            FieldSlice::unused(),
+            FieldSlice::unused(),
         ];
+        let mut count = JOINT_FIELDS;
+        parts::varied_fields(varied, readers::JOINTS, |lanes| {
+            fields[count] = FieldSlice::read(lanes);
+            count += 1;
+        });
         let mut act = [0];
-        fragment.run(&mut self.scratch, &mut fields, &[], &mut act);
+        fragment.run(&mut self.scratch, &mut fields[..count], &[], &mut act);
         constraint.joint_lanes = act[0];
         true
     }
 
-    fn still_sides(&mut self, motion: Motion<'_, L>, collision: &Collision<L>, constraint: &mut Constraint<L>) -> bool {
-        let Native { code, scratch, row_places, .. } = self;
+    fn still_sides(
+        &mut self,
+        motion: Motion<'_, L>,
+        collision: &Collision<L>,
+        varied: Option<&Varied<L>>,
+        constraint: &mut Constraint<L>,
+    ) -> bool {
+        let Native { code, scratch, row_places, varied_places, .. } = self;
         let how = (&*code.tables, code.structure().live, code.isa);
-        code.rows().still_sides(how, (scratch, row_places), motion, collision, constraint)
+        match grips(varied) {
+            [] => code.rows(false).still_sides(how, (scratch, row_places), motion, (collision, &[]), constraint),
+            all => code.rows(true).still_sides(how, (scratch, varied_places), motion, (collision, all), constraint),
+        }
     }
 
     fn both_sides(
         &mut self,
         motion: Motion<'_, L>,
-        collision: &Collision<L>,
-        row: &ContactRow,
+        (collision, row): (&Collision<L>, &ContactRow),
+        varied: Option<&Varied<L>>,
         constraint: &mut Constraint<L>,
     ) -> bool {
-        let code = &self.code;
-        let Some(fragment) = code.both_sides(row.pair) else { return false };
+        let (code, grips) = (&self.code, grips(varied));
+        let Some(fragment) = code.both_sides(row.pair, !grips.is_empty()) else { return false };
         let dofs = code.tables.pairs[row.pair as usize].dofs.len as usize;
-        code.rows().both_sides(fragment, &mut self.scratch, motion, collision, (row, dofs), constraint);
+        let rows = code.rows(!grips.is_empty());
+        rows.both_sides(fragment, &mut self.scratch, motion, (collision, grips), (row, dofs), constraint);
         true
     }
 

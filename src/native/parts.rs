@@ -8,7 +8,7 @@ use lanesim_kernels::constraint::{self, Constraint};
 use lanesim_kernels::inertia::Inertia;
 use lanesim_kernels::integration::{self, Integration};
 use lanesim_kernels::lane::Lane;
-use lanesim_kernels::model::Model;
+use lanesim_kernels::model::{Instance, Model, Quantities, Varied};
 use lanesim_kernels::options;
 use lanesim_kernels::passive::Passive;
 use lanesim_kernels::pipeline::{self, Smooth};
@@ -16,6 +16,8 @@ use lanesim_kernels::position::Position;
 use lanesim_kernels::stage::Stage;
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::velocity::Velocity;
+
+use super::readers;
 
 /// Which of the smooth stages' code: without or with forces from outside, for steps alone or for whoever reads fields.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +63,13 @@ pub fn smooth_fields<'a, L: Lane, T>(
     }
 }
 
+/// Numbers that vary, as far as a part reads them: one field for each quantity.
+pub fn varied_fields<'a, L: Lane>(varied: Option<&'a Varied<L>>, reads: Quantities, mut f: impl FnMut(&'a [L])) {
+    if let Some(varied) = varied {
+        varied.set().and(reads).iter().for_each(|quantity| f(varied.lanes(quantity)));
+    }
+}
+
 /// A recording, and the number of its next field.
 pub struct Binder<T: Float> {
     pub recording: Recording<T>,
@@ -80,6 +89,15 @@ impl<T: Float> Binder<T> {
         field
     }
 
+    /// Numbers that vary, as far as a part reads them, as the next fields.
+    pub fn varied(&mut self, model: &Model<T>, set: Quantities) -> Option<Varied<Recorder<T>>> {
+        let mut varied = Varied::new(model, set);
+        varied.for_each(&mut |lanes| {
+            self.input(lanes);
+        });
+        (!set.is_empty()).then_some(varied)
+    }
+
     /// Makes the lanes what the next field, which is only written, shall hold.
     pub fn output(&mut self, lanes: &[Recorder<T>]) {
         self.recording.output(self.next, lanes);
@@ -87,9 +105,9 @@ impl<T: Float> Binder<T> {
     }
 }
 
-/// Fields: qpos, qvel, ctrl; forces from outside, if any; those of [`smooth_fields`]. Masks: the
+/// Fields: qpos, qvel, ctrl; forces from outside, if any; what varies; those of [`smooth_fields`]. Masks: the
 /// [findings](pipeline::Findings).
-pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
+pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
     for lanes in [&mut state.qpos, &mut state.qvel, &mut state.ctrl] {
@@ -102,6 +120,7 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
         });
         applied
     });
+    let varied = binder.varied(model, varying.and(readers::SMOOTH));
     let mut position = Position::new(&model.sizes);
     let mut inertia = Inertia::new(&model.sizes);
     let mut velocity = Velocity::new(&model.sizes);
@@ -123,7 +142,8 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
         binder.input(lanes);
     });
     let present = |stage: Stage| stage.present(model);
-    let findings = pipeline::smooth(model, &state, applied.as_ref(), &present, stages.borrow(), &mut |_| {});
+    let instance = Instance { model, varied: varied.as_ref() };
+    let findings = pipeline::smooth(instance, &state, applied.as_ref(), &present, stages.borrow(), &mut |_| {});
     let mut field = first;
     smooth_fields(model, kind.keep, stages, &mut |lanes| {
         binder.recording.output(field, lanes);
@@ -136,9 +156,9 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind) -> Program<T> {
 }
 
 /// Fields: qpos, qvel, warm start, time, all of which change; M, smooth acceleration, qacc, smooth force, force of
-/// constraints; a zero; next qpos, next qvel, acceleration over the step. Masks: worlds that are alive; worlds that take the
-/// next state.
-pub fn euler<T: Float>(model: &Model<T>) -> Program<T> {
+/// constraints; a zero; next qpos, next qvel, acceleration over the step; what varies. Masks: worlds that are alive; worlds
+/// that take the next state.
+pub fn euler<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
     let mut inertia = Inertia::new(&model.sizes);
@@ -148,22 +168,27 @@ pub fn euler<T: Float>(model: &Model<T>) -> Program<T> {
         binder.input(lanes);
     }
     let zero = binder.recording.uniform(binder.next, 1)[0];
-    binder.next += 1;
+    let next_field = binder.next + 1;
+    binder.next += 4;
+    let varied = binder.varied(model, varying.and(readers::EULER));
     let alive = binder.recording.mask_input();
     let mut next = Integration::new(&Stage::Integration.sizes(model));
     let [qacc_smooth, qacc, smooth, constraint] = vectors.each_ref().map(Vec::as_slice);
-    integration::euler(model, &inertia, &state.qpos, &state.qvel, qacc, [smooth, constraint], &mut next);
+    let instance = Instance { model, varied: varied.as_ref() };
+    integration::euler(instance, &inertia, &state.qpos, &state.qvel, qacc, [smooth, constraint], &mut next);
     let good = pipeline::commit(model, &next, [qacc, qacc_smooth], zero, alive, &mut state);
     for (field, lanes) in [&state.qpos, &state.qvel, &state.qacc_warmstart, &state.time].into_iter().enumerate() {
         binder.recording.output(field, lanes);
     }
-    [&next.qpos, &next.qvel, &next.qacc].into_iter().for_each(|lanes| binder.output(lanes));
+    for (field, lanes) in [&next.qpos, &next.qvel, &next.qacc].into_iter().enumerate() {
+        binder.recording.output(next_field + field, lanes);
+    }
     binder.recording.mask_output(good);
     binder.recording.finish()
 }
 
-/// Fields: qpos, qvel; numbers of all rows on joints. Masks: worlds in which some of them acts.
-pub fn joints<T: Float>(model: &Model<T>) -> Program<T> {
+/// Fields: qpos, qvel; numbers of all rows on joints; what varies. Masks: worlds in which some of them acts.
+pub fn joints<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
     binder.input(&mut state.qpos);
@@ -171,8 +196,12 @@ pub fn joints<T: Float>(model: &Model<T>) -> Program<T> {
     let mut constraint = Constraint::new(model);
     constraint.dof_rows.extend(constraint::all_dof_rows(model));
     constraint.dof_lanes.resize(constraint.dof_rows.len(), [Recorder::zero(); 6]);
-    let act = constraint::dof_lanes(model, &state.qpos, &state.qvel, &mut constraint);
-    binder.recording.output(binder.next, constraint.dof_lanes.as_flattened());
+    let rows_field = binder.next;
+    binder.next += 1;
+    let varied = binder.varied(model, varying.and(readers::JOINTS));
+    let instance = Instance { model, varied: varied.as_ref() };
+    let act = constraint::dof_lanes(instance, &state.qpos, &state.qvel, &mut constraint);
+    binder.recording.output(rows_field, constraint.dof_lanes.as_flattened());
     binder.recording.mask_output(act);
     binder.recording.finish()
 }

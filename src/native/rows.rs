@@ -48,14 +48,18 @@ struct KindCode<T> {
 }
 
 /// Columns of the windows of a contact: what was found of it, motion of its link, numbers of its pair; strength, motion
-/// rows, reference. The fields are in the same order.
-const COLUMNS: usize = 6;
+/// rows, reference. The fields are in the same order; where grips vary, that of its pair is one more.
+pub const COLUMNS: usize = 6;
+/// Numbers of a grip that vary.
+const GRIP: usize = 6;
+/// Fields of a contact both sides of which move, beside a grip that varies.
+const BOTH_FIELDS: usize = 8;
 
 /// What code is made from: the model, the components that its motions have, the instruction set.
 type How<'a, T> = (&'a Model<T>, [bool; 6], InstructionSet);
 
 /// Where contacts have their numbers, list by list of a kind.
-pub type RowPlaces = Windows<COLUMNS>;
+pub type RowPlaces<const N: usize> = Windows<N>;
 
 /// Code for the numbers of contact rows.
 pub struct RowCode<T> {
@@ -64,6 +68,8 @@ pub struct RowCode<T> {
     of_pairs: Vec<u32>,
     /// Numbers of all pairs, those of each from a multiple of a block's bytes on.
     numbers: Vec<T>,
+    /// Whether grips vary.
+    varying: bool,
 }
 
 impl<T: Float> RowCode<T> {
@@ -73,7 +79,7 @@ impl<T: Float> RowCode<T> {
     const STRIDE: usize = Self::BLOCKS * <T::Block as LaneQuery>::WIDTH;
 
     /// Nothing compiled yet.
-    pub fn new(model: &Model<T>) -> Self {
+    pub fn new(model: &Model<T>, varying: bool) -> Self {
         let mut kinds: Vec<KindCode<T>> = vec![];
         let place = |(pair, p): (&Pair<T>, u32)| {
             if pair.sides != Sides::One {
@@ -89,14 +95,20 @@ impl<T: Float> RowCode<T> {
         let of_pairs = model.pairs.iter().zip(0..).map(place).collect();
         let padding = vec![T::from_f64(0.0); Self::STRIDE - NUMBERS];
         let numbers = model.pairs.iter().flat_map(|pair| numbers(pair).into_iter().chain(padding.iter().copied()));
-        RowCode { kinds, of_pairs, numbers: numbers.collect() }
+        RowCode { kinds, of_pairs, numbers: numbers.collect(), varying }
     }
 
     fn get<'a>(&self, code: &'a KindCode<T>, (model, live, isa): How<'_, T>) -> Option<&'a Fragment<T>> {
-        let columns: [Option<usize>; COLUMNS] = std::array::from_fn(Some);
-        let record = || record_still(model, &model.pairs[code.pair as usize], live);
-        let compile = || Some(record().compile_each::<COLUMNS>(isa, &columns).ok()?.named(&code.kind.name()));
-        code.fragment.get_or_init(compile).as_ref()
+        let columns: [Option<usize>; COLUMNS + 1] = std::array::from_fn(Some);
+        let compile = || {
+            let program = record_still(model, &model.pairs[code.pair as usize], live, self.varying);
+            let code = match self.varying {
+                true => program.compile_each::<{ COLUMNS + 1 }>(isa, &columns),
+                false => program.compile_each::<COLUMNS>(isa, &columns[..COLUMNS]),
+            };
+            code.ok()
+        };
+        code.fragment.get_or_init(|| Some(compile()?.named(&code.kind.name()))).as_ref()
     }
 
     /// The code of all kinds, by name.
@@ -105,12 +117,12 @@ impl<T: Float> RowCode<T> {
     }
 
     /// Writes the numbers of all listed contacts one side of which stands still; not, if some code cannot be had.
-    pub fn still_sides(
+    pub fn still_sides<const N: usize>(
         &self,
         how: How<'_, T>,
-        (scratch, places): (&mut Scratch, &mut RowPlaces),
+        (scratch, places): (&mut Scratch, &mut RowPlaces<N>),
         motion: Motion<'_, T::Block>,
-        collision: &Collision<T::Block>,
+        (collision, grips): (&Collision<T::Block>, &[T::Block]),
         constraint: &mut Constraint<T::Block>,
     ) -> bool {
         places.clear();
@@ -128,18 +140,20 @@ impl<T: Float> RowCode<T> {
                 FieldSlice::write(constraint.strengths.as_flattened_mut()),
                 FieldSlice::write(constraint.motion.as_flattened_mut()),
                 FieldSlice::write(&mut constraint.reference),
+                FieldSlice::read(grips),
             ];
-            fragment.run_each(scratch, &mut fields, &[], places.list(k as usize));
+            fragment.run_each(scratch, &mut fields[..N], &[], places.list(k as usize));
         }
         true
     }
 
     /// Where the windows of a contact start, by column.
-    fn starts(&self, row: &ContactRow, collision: &Collision<T::Block>) -> [usize; COLUMNS] {
+    fn starts<const N: usize>(&self, row: &ContactRow, collision: &Collision<T::Block>) -> [usize; N] {
         let place = collision.slots[row.contact as usize].place;
         let [place, link, pair, strength, component] =
             [place, row.link, row.pair, row.strength, row.component].map(|x| x as usize);
-        [13 * place, 6 * link, Self::BLOCKS * pair, 7 * strength, 6 * component, component]
+        let all = [13 * place, 6 * link, Self::BLOCKS * pair, 7 * strength, 6 * component, component, GRIP * pair];
+        std::array::from_fn(|column| all[column])
     }
 
     /// Writes the numbers of a contact between two links of a tree, by the [code](record_both) for its pair.
@@ -148,11 +162,11 @@ impl<T: Float> RowCode<T> {
         fragment: &Fragment<T>,
         scratch: &mut Scratch,
         motion: Motion<'_, T::Block>,
-        collision: &Collision<T::Block>,
+        (collision, grips): (&Collision<T::Block>, &[T::Block]),
         (row, dofs): (&ContactRow, usize),
         constraint: &mut Constraint<T::Block>,
     ) {
-        let from = row.pair as usize * Self::STRIDE;
+        let (from, grip) = (row.pair as usize * Self::STRIDE, row.pair as usize * GRIP);
         let (out, jacobian) = constraint.numbers_mut(row, dofs);
         let mut fields = [
             FieldSlice::read(collision.contact(row.contact as usize).0),
@@ -163,8 +177,10 @@ impl<T: Float> RowCode<T> {
             FieldSlice::write(out.motion.as_flattened_mut()),
             FieldSlice::write(out.reference),
             FieldSlice::write(jacobian),
+            FieldSlice::read(grips.get(grip..grip + GRIP).unwrap_or_default()),
         ];
-        fragment.run(scratch, &mut fields, &[], &mut []);
+        let count = BOTH_FIELDS + usize::from(self.varying);
+        fragment.run(scratch, &mut fields[..count], &[], &mut []);
     }
 }
 
@@ -194,21 +210,29 @@ impl<T: Float> Recorded<T> {
     }
 }
 
-/// The numbers of a pair like this one, as the next field.
-fn grip<T: Float>(binder: &mut Binder<T>, model: &Model<T>, pair: &Pair<T>) -> Grip<Recorder<T>> {
+/// The numbers of a pair like this one, as the next field; if its grip varies, that is field `varied`.
+fn grip<T: Float>(
+    binder: &mut Binder<T>,
+    model: &Model<T>,
+    pair: &Pair<T>,
+    varied: Option<usize>,
+) -> Grip<Recorder<T>> {
     let numbers = binder.recording.uniform(binder.next, NUMBERS);
     binder.next += 1;
-    Grip::of(model, pair, std::array::from_fn(|i| numbers[i]))
+    let grip = Grip::of(model, pair, std::array::from_fn(|i| numbers[i]));
+    let Some(field) = varied else { return grip };
+    let own = binder.recording.input(field, GRIP);
+    grip.with(std::array::from_fn(|i| own[i]))
 }
 
 /// Records the numbers of contacts one side of which stands still. Fields: see [`COLUMNS`].
-fn record_still<T: Float>(model: &Model<T>, pair: &Pair<T>, live: [bool; 6]) -> Program<T> {
+fn record_still<T: Float>(model: &Model<T>, pair: &Pair<T>, live: [bool; 6], varying: bool) -> Program<T> {
     let mut binder = Binder::new();
     let (mut found, mut twist) = ([Recorder::zero(); 13], [Recorder::zero(); 6]);
     binder.input(&mut found);
     binder.input(&mut twist);
     clear_dead(live, &mut twist);
-    let grip = grip(&mut binder, model, pair);
+    let grip = grip(&mut binder, model, pair, varying.then_some(COLUMNS));
     let mut out = Recorded::new(pair.condim as usize);
     still_side(&grip, Contact(&found), &twist, out.numbers());
     out.output(&mut binder, live);
@@ -216,8 +240,8 @@ fn record_still<T: Float>(model: &Model<T>, pair: &Pair<T>, live: [bool; 6]) -> 
 }
 
 /// Records the numbers and the Jacobian of a contact between two links of a tree. Fields: what was found; axes and
-/// velocities of dofs; numbers of the pair; strength, motion rows, reference, Jacobian.
-pub fn record_both<T: Float>(model: &Model<T>, structure: &Structure<T>, pair: &Pair<T>) -> Program<T> {
+/// velocities of dofs; numbers of the pair; strength, motion rows, reference, Jacobian; its grip, if that varies.
+pub fn record_both<T: Float>(model: &Model<T>, structure: &Structure<T>, pair: &Pair<T>, varying: bool) -> Program<T> {
     let mut binder = Binder::new();
     let (zero, nv) = (Recorder::zero(), model.sizes.nv);
     let (mut found, mut axes, mut qvel) = ([zero; 13], vec![[zero; 6]; nv], vec![zero; nv]);
@@ -225,7 +249,7 @@ pub fn record_both<T: Float>(model: &Model<T>, structure: &Structure<T>, pair: &
     binder.input(axes.as_flattened_mut());
     binder.input(&mut qvel);
     fill_in(axes.as_flattened_mut(), &structure.axes);
-    let grip = grip(&mut binder, model, pair);
+    let grip = grip(&mut binder, model, pair, varying.then_some(BOTH_FIELDS));
     let (dofs, mut out) = (&model.pair_dofs[pair.dofs.range()], Recorded::new(pair.condim as usize));
     let mut jacobian = vec![zero; dofs.len() * pair.condim as usize];
     let contact = Contact(&found);

@@ -195,7 +195,8 @@ pub fn record_on<T: Float>(
     fill_in(stages.position.cdof.as_flattened_mut(), &structure.axes);
     fill_in(&mut stages.inertia.m, &structure.inertia);
     let Stages { position, inertia, acceleration, constraint, warmstart } = &stages;
-    let problem = Problem { model, position, inertia, acceleration, constraint };
+    let mean_inertia = Recorder::splat(model.mean_inertia);
+    let problem = Problem { model, mean_inertia, position, inertia, acceleration, constraint };
     run((part, pattern), &problem, warmstart, &mut binder, &mut work);
     for (place, (field, before)) in fields.iter().zip(&before).enumerate().take(changed) {
         if let Some(lanes) = field.of_solver(&mut work) {

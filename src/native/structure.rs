@@ -2,7 +2,7 @@
 
 use lanesim_codegen::{Float, Recorder};
 use lanesim_kernels::inertia::{self, Inertia};
-use lanesim_kernels::model::Model;
+use lanesim_kernels::model::{Instance, Model, Quantities};
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::state::State;
 
@@ -19,15 +19,17 @@ pub struct Structure<T> {
 }
 
 impl<T: Float> Structure<T> {
-    /// That of a model, by computing axes and inertias with positions that are not known.
-    pub fn new(model: &Model<T>) -> Self {
+    /// That of a model, by computing axes and inertias with positions that are not known, nor what varies.
+    pub fn new(model: &Model<T>, varying: Quantities) -> Self {
         let mut binder = Binder::new();
         let mut state = State::<Recorder<T>>::new(&model.sizes);
         binder.input(&mut state.qpos);
         let mut position = Position::new(&model.sizes);
         let mut inertia = Inertia::new(&model.sizes);
-        position::kinematics(model, &state.qpos, &mut position);
-        inertia::crb(model, &position, &mut inertia);
+        let varied = binder.varied(model, varying);
+        let instance = Instance { model, varied: varied.as_ref() };
+        position::kinematics(instance, &state.qpos, &mut position);
+        inertia::crb(instance, &position, &mut inertia);
         let known = |lanes: &[Recorder<T>]| lanes.iter().map(|lane| lane.constant()).collect::<Vec<_>>();
         let axes = known(position.cdof.as_flattened());
         let inertia = known(&inertia.m);

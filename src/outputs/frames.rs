@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{JointKind, NONE};
+use lanesim_kernels::model::{JointKind, NONE, Quantity};
 
 use super::{View, number};
 use crate::model::{ArrayData, Placement};
@@ -117,7 +117,10 @@ pub(super) fn subtree_com<'a, L: LaneQuery>(view: &View<'_, L>, lane: usize, pos
     centres.clear();
     centres.extend(view.model.placements().inertials.iter().map(|p| position(view, lane, p)));
     masses.clear();
-    masses.extend_from_slice(reals(view, "body_mass"));
+    match view.block.varied.as_deref().map_or(&[][..], |varied| varied.lanes(Quantity::BodyMass)) {
+        [] => masses.extend_from_slice(reals(view, "body_mass")),
+        own => masses.extend(own.iter().map(|mass| number(mass, lane))),
+    }
     moments.clear();
     moments.extend(centres.iter().zip(masses.iter()).map(|(x, m)| *x * *m));
     let parents = integers(view, "body_parentid");

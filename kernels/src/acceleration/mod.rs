@@ -8,7 +8,7 @@ use crate::math::ldl;
 use crate::math::spatial::{dot6, inertia_mul, join};
 use crate::math::tree;
 use crate::math::vec3::{add, cross, mul_add, splat};
-use crate::model::{Model, NONE};
+use crate::model::{Instance, Model, NONE};
 use crate::passive::Passive;
 use crate::position::Position;
 use crate::state::Applied;
@@ -78,7 +78,7 @@ fn body_forces<L: Lane>(model: &Model<L::Real>, position: &Position<L>, xfrc: &[
 
 /// Factors M and solves for the smooth acceleration. Returns the lanes in which M was singular.
 pub fn smooth_acceleration<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     position: &Position<L>,
     inertia: &Inertia<L>,
     acceleration: &mut Acceleration<L>,
@@ -97,20 +97,20 @@ pub fn smooth_acceleration<L: Lane>(
 /// One step of iterative refinement, for single precision. M a₀ is formed link by link, with the armature on its own: a
 /// small armature on a large inertia, which the diagonal of M has rounded away, still counts.
 fn refine<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     position: &Position<L>,
     inertia: &Inertia<L>,
     acceleration: &mut Acceleration<L>,
 ) {
     let Acceleration { qfrc_smooth, factor, inverse, qacc_smooth, residual, twist, .. } = acceleration;
-    tree::twists(model, &position.cdof, qacc_smooth, twist);
+    tree::twists(&model, &position.cdof, qacc_smooth, twist);
     for (force, own) in twist.iter_mut().zip(&inertia.link) {
         *force = inertia_mul(own, force);
     }
     for (l, link) in model.links.iter().enumerate().rev() {
         let force = twist[l];
         for i in link.dofs.range() {
-            let armature = L::splat(model.dofs[i].armature);
+            let armature = model.armature(i);
             residual[i] = armature.neg_mul_add(qacc_smooth[i], qfrc_smooth[i]) - dot6(&position.cdof[i], &force);
         }
         if link.parent != NONE {

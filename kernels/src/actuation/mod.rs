@@ -4,7 +4,7 @@ use crate::fields::fields;
 use crate::lane::{Lane, Mask, Real};
 use crate::math::quat;
 use crate::math::vec3::{dot, mul, mul_t, splat};
-use crate::model::{Actuator, Model, Transmission};
+use crate::model::{Actuator, Instance, Model, Transmission};
 use crate::passive::Passive;
 use crate::state::State;
 
@@ -26,8 +26,7 @@ fields! {
 
 /// Sets the moments and returns the length.
 #[inline(always)]
-fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, q: &[L], moment: &mut [L]) -> L {
-    let gear: [L; 6] = splat(&actuator.gear);
+fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, gear: &[L; 6], q: &[L], moment: &mut [L]) -> L {
     let turn = [gear[0], gear[1], gear[2]];
     let unit = |at: usize| quat::unit(&[q[at], q[at + 1], q[at + 2], q[at + 3]]);
     match actuator.transmission {
@@ -46,7 +45,7 @@ fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, q: &[L], moment: &mu
             dot(&turn, &quat::log(&q))
         }
         Transmission::Free => {
-            moment.copy_from_slice(&gear);
+            moment.copy_from_slice(gear);
             L::zero()
         }
         Transmission::FreeInParent => {
@@ -61,7 +60,7 @@ fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, q: &[L], moment: &mu
 /// Lengths and moments, and if actuation is on velocities, forces and generalised forces. Returns the lanes in which a
 /// control was not a usable number: all controls of such a world count as 0.
 pub fn actuation<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     state: &State<L>,
     passive: &Passive<L>,
     actuation: &mut Actuation<L>,
@@ -74,7 +73,7 @@ pub fn actuation<L: Lane>(
     actuation.qfrc_actuator.fill(L::zero());
     for (a, actuator) in model.actuators.iter().enumerate() {
         let moment = &mut actuation.moment[actuator.moments.range()];
-        let length = length_and_moment(actuator, &qpos[actuator.qpos as usize..], moment);
+        let length = length_and_moment(actuator, &model.gear(a), &qpos[actuator.qpos as usize..], moment);
         actuation.length[a] = length;
         if !model.features.actuation {
             continue;
@@ -90,7 +89,7 @@ pub fn actuation<L: Lane>(
             continue;
         }
         let u = L::select(good, ctrl[a], L::zero());
-        let force = force(model, actuator, u, length, velocity);
+        let force = force(model, a, u, length, velocity);
         actuation.force[a] = force;
         for (out, moment) in actuation.qfrc_actuator[dof..].iter_mut().zip(&*moment) {
             *out = moment.mul_add(force, *out);
@@ -99,18 +98,19 @@ pub fn actuation<L: Lane>(
     if !model.features.actuation {
         return L::Mask::splat(false);
     }
-    route_to_joints(model, passive, &mut actuation.qfrc_actuator);
+    route_to_joints(&model, passive, &mut actuation.qfrc_actuator);
     !good
 }
 
 #[inline(always)]
-fn force<L: Lane>(model: &Model<L::Real>, actuator: &Actuator<L::Real>, u: L, length: L, velocity: L) -> L {
+fn force<L: Lane>(model: Instance<'_, L>, a: usize, u: L, length: L, velocity: L) -> L {
+    let (actuator, gain) = (&model.actuators[a], model.gain(a));
     let clamp = |x: L, range: &[L::Real; 2]| x.clamp(L::splat(range[0]), L::splat(range[1]));
-    let affine = |p: &[L::Real; 3]| L::splat(p[2]).mul_add(velocity, L::splat(p[1]).mul_add(length, L::splat(p[0])));
+    let affine = |p: &[L; 3]| p[2].mul_add(velocity, p[1].mul_add(length, p[0]));
     let limited = actuator.ctrl_limited && model.options.flags.clampctrl;
     let u = if limited { clamp(u, &actuator.ctrl_range) } else { u };
-    let gain = if actuator.gain_affine { affine(&actuator.gain) } else { L::splat(actuator.gain[0]) };
-    let force = if actuator.bias_affine { gain.mul_add(u, affine(&actuator.bias)) } else { gain * u };
+    let gain = if actuator.gain_affine { affine(&gain) } else { gain[0] };
+    let force = if actuator.bias_affine { gain.mul_add(u, affine(&model.bias(a))) } else { gain * u };
     if actuator.force_limited { clamp(force, &actuator.force_range) } else { force }
 }
 

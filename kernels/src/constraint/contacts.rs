@@ -6,7 +6,7 @@ use crate::collision::{Collision, Contact, origin, reference};
 use crate::lane::{Lane, LaneQuery};
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
-use crate::model::{Impedance, Model, NONE, Pair, PairDof, Sides};
+use crate::model::{Impedance, Instance, Model, NONE, Pair, PairDof, Sides};
 use crate::options;
 use crate::position::Position;
 use crate::velocity::Velocity;
@@ -32,14 +32,14 @@ impl<L> Copy for Motion<'_, L> {}
 
 /// Lists the contacts that act in some world, closer than their margin, with their numbers.
 pub fn contact_rows<L: LaneQuery>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     motion: Motion<'_, L>,
     collision: &Collision<L>,
     code: &mut dyn Code<L>,
     constraint: &mut Constraint<L>,
 ) {
-    list(model, collision, constraint);
-    let still = code.still_sides(motion, collision, constraint);
+    list(&model, collision, constraint);
+    let still = code.still_sides(motion, collision, model.varied, constraint);
     if still && !constraint.coupled {
         return;
     }
@@ -47,7 +47,7 @@ pub fn contact_rows<L: LaneQuery>(
         let row = constraint.contact_rows[i];
         let coded = match row.sides {
             Sides::One => still,
-            Sides::Two => code.both_sides(motion, collision, &row, constraint),
+            Sides::Two => code.both_sides(motion, (collision, &row), model.varied, constraint),
             Sides::Apart => false,
         };
         if !coded {
@@ -145,10 +145,20 @@ pub struct Grip<L> {
 }
 
 impl<L: Lane> Grip<L> {
-    /// That of the pair.
+    /// That of a pair.
     #[inline(always)]
-    pub fn new(model: &Model<L::Real>, pair: &Pair<L::Real>) -> Self {
-        Self::of(model, pair, numbers(pair).map(L::splat))
+    pub fn new(model: Instance<'_, L>, pair: usize) -> Self {
+        let grip = Self::of(&model, &model.pairs[pair], numbers(&model.pairs[pair]).map(L::splat));
+        match model.grip(pair) {
+            Some(varied) => grip.with(varied),
+            None => grip,
+        }
+    }
+
+    /// The same with friction and inverse weight that vary.
+    #[inline(always)]
+    pub fn with(self, [f1, f2, f3, f4, f5, invweight]: [L; 6]) -> Self {
+        Grip { friction: [f1, f2, f3, f4, f5], invweight, ..self }
     }
 
     /// That of a pair like this one, with other [`numbers`].
@@ -185,7 +195,7 @@ pub struct Numbers<'a, L> {
 /// Writes a contact's numbers.
 #[inline(always)]
 fn measure<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     motion: Motion<'_, L>,
     contact: Contact<'_, L>,
     row: &ContactRow,
@@ -193,12 +203,12 @@ fn measure<L: Lane>(
 ) {
     let Motion { position, velocity, qvel } = motion;
     let pair = &model.pairs[row.pair as usize];
-    let (grip, dofs) = (Grip::new(model, pair), &model.pair_dofs[pair.dofs.range()]);
+    let (grip, dofs) = (Grip::new(model, row.pair as usize), &model.pair_dofs[pair.dofs.range()]);
     let (out, jacobian) = constraint.numbers_mut(row, dofs.len());
     if row.sides == Sides::One {
         return still_side(&grip, contact, &velocity.cvel[row.link as usize], out);
     }
-    let shift = sub(&origin(model, position, pair.link2), &origin(model, position, pair.link1));
+    let shift = sub(&origin(&model, position, pair.link2), &origin(&model, position, pair.link1));
     let at = if row.sides == Sides::Two { contact.pos() } else { add(&contact.pos(), &shift) };
     both_sides(&grip, contact, &at, dofs, (&position.cdof, qvel), jacobian, out);
 }

@@ -4,7 +4,7 @@ use super::{Constraint, DofLanes, DofRow, DofRowKind, impedance};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::quat;
 use crate::math::vec3::{dot, neg, select};
-use crate::model::{Impedance, Limit, Model};
+use crate::model::{Impedance, Instance, Limit, Model};
 
 /// All rows on joints that the model can have, in MuJoCo's order.
 pub fn all_dof_rows<T: Real>(model: &Model<T>) -> impl Iterator<Item = DofRow> {
@@ -27,7 +27,7 @@ pub fn all_dof_rows<T: Real>(model: &Model<T>) -> impl Iterator<Item = DofRow> {
 
 /// Lists the rows on joints that act in some world of `alive`.
 pub fn dof_rows<L: LaneQuery>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     qpos: &[L],
     qvel: &[L],
     alive: L::Mask,
@@ -36,8 +36,8 @@ pub fn dof_rows<L: LaneQuery>(
     constraint.dof_rows.clear();
     constraint.dof_lanes.clear();
     constraint.joint_lanes = 0;
-    for row in all_dof_rows(model) {
-        let violated = violation(model, &row, qpos, qvel);
+    for row in all_dof_rows(&*model) {
+        let violated = violation(&model, &row, qpos, qvel);
         let acts = violated.pos.lt(L::zero()) & alive;
         let acts = if row.kind == DofRowKind::Friction { alive } else { acts };
         let lanes = L::bits(acts);
@@ -50,11 +50,11 @@ pub fn dof_rows<L: LaneQuery>(
 }
 
 /// Numbers of the rows of the constraint's list; returns the worlds in which some of them acts.
-pub fn dof_lanes<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L], constraint: &mut Constraint<L>) -> L::Mask {
+pub fn dof_lanes<L: Lane>(model: Instance<'_, L>, qpos: &[L], qvel: &[L], constraint: &mut Constraint<L>) -> L::Mask {
     let mut some = L::zero().lt(L::zero());
     let Constraint { dof_rows, dof_lanes, .. } = constraint;
     for (row, lanes) in dof_rows.iter().zip(dof_lanes) {
-        let violated = violation(model, row, qpos, qvel);
+        let violated = violation(&model, row, qpos, qvel);
         let acts = violated.pos.lt(L::zero());
         *lanes = numbers(model, row, violated, qvel, acts);
         some = some | lanes[4].gt(L::zero());
@@ -114,7 +114,7 @@ fn violation<L: Lane>(model: &Model<L::Real>, row: &DofRow, qpos: &[L], qvel: &[
 /// The numbers of a row.
 #[inline(always)]
 fn numbers<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     row: &DofRow,
     violated: Violation<L>,
     qvel: &[L],
@@ -123,11 +123,11 @@ fn numbers<L: Lane>(
     let Violation { axis: [x, y, z], pos, speed } = violated;
     if row.kind == DofRowKind::Friction {
         let friction = &model.friction_losses[row.id as usize];
-        let d = L::one() / L::splat(friction.r);
+        let d = L::one() / model.regulariser(row.id as usize);
         return [x, y, z, pos, d, L::splat(friction.b) * qvel[row.dof as usize]];
     }
-    let Limit { impedance, invweight, .. } = &model.limits[row.id as usize];
-    let (d, reference) = self::row(&impedance.lanes(), pos, speed, L::splat(*invweight), L::one());
+    let Limit { impedance, .. } = &model.limits[row.id as usize];
+    let (d, reference) = self::row(&impedance.lanes(), pos, speed, model.limit_weight(row.id as usize), L::one());
     [x, y, z, pos, L::select(acts, d, L::zero()), reference]
 }
 

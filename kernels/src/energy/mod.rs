@@ -4,8 +4,8 @@ use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::Lane;
 use crate::math::ldl;
-use crate::math::vec3::{add, dot, norm, splat};
-use crate::model::{Joint, JointKind, Model};
+use crate::math::vec3::{add, dot, norm};
+use crate::model::{Instance, Joint, JointKind};
 use crate::passive::{shift_from_rest, twist_from_rest};
 use crate::position::Position;
 
@@ -23,7 +23,7 @@ fields! {
 
 /// Both energies.
 pub fn energy<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     position: &Position<L>,
     inertia: &Inertia<L>,
     qpos: &[L],
@@ -31,15 +31,16 @@ pub fn energy<L: Lane>(
     energy: &mut Energy<L>,
 ) {
     // Bodies that stand still count as well: their potential is a constant.
-    let mut potential = L::splat(model.potential_still);
-    let g: [L; 3] = splat(&model.gravity);
+    let mut potential = model.still_potential();
+    let g = model.gravity();
     for (l, link) in model.links.iter().enumerate() {
+        let (mass, ..) = model.mass(l);
         let com = add(&position.com[l], &position.origin[link.tree as usize]);
-        potential = L::splat(link.mass).neg_mul_add(dot(&g, &com), potential);
+        potential = mass.neg_mul_add(dot(&g, &com), potential);
     }
     if model.features.springs {
-        for joint in model.joints.iter().filter(|joint| joint.spring) {
-            potential += spring_energy(joint, &qpos[joint.qpos as usize..]);
+        for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
+            potential += spring_energy(joint, &model.stiffness(j), &qpos[joint.qpos as usize..]);
         }
     }
     energy.potential[0] = potential;
@@ -53,10 +54,9 @@ pub fn energy<L: Lane>(
 
 /// ½ a r² + b r³/3 + c r⁴/4 of each stretched part of a joint.
 #[inline(always)]
-fn spring_energy<L: Lane>(joint: &Joint<L::Real>, q: &[L]) -> L {
-    let [a, b, c]: [L; 3] = splat(&joint.stiffness);
+fn spring_energy<L: Lane>(joint: &Joint<L::Real>, [a, b, c]: &[L; 3], q: &[L]) -> L {
     let stored = |r: L| {
-        let inner = r.mul_add(r.mul_add(c * L::of(0.25), b * L::of(1.0 / 3.0)), a * L::of(0.5));
+        let inner = r.mul_add(r.mul_add(*c * L::of(0.25), *b * L::of(1.0 / 3.0)), *a * L::of(0.5));
         inner * r * r
     };
     match joint.kind {

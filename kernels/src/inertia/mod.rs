@@ -4,8 +4,7 @@ use crate::fields::fields;
 use crate::lane::Lane;
 use crate::math::spatial::{Inertia10, inertia_mul};
 use crate::math::tree;
-use crate::math::vec3::splat;
-use crate::model::{Link, Model, NONE};
+use crate::model::{Instance, Link, NONE};
 use crate::position::Position;
 
 fields! {
@@ -21,9 +20,9 @@ fields! {
 }
 
 /// Spatial inertias of links, composite inertias, and M with armature.
-pub fn crb<L: Lane>(model: &Model<L::Real>, position: &Position<L>, inertia: &mut Inertia<L>) {
+pub fn crb<L: Lane>(model: Instance<'_, L>, position: &Position<L>, inertia: &mut Inertia<L>) {
     for (l, link) in model.links.iter().enumerate() {
-        let own = link_inertia(link, &position.rot[l], &position.com[l]);
+        let own = link_inertia(link, model.mass(l), &position.rot[l], &position.com[l]);
         inertia.link[l] = own;
         inertia.composite[l] = own;
     }
@@ -39,18 +38,22 @@ pub fn crb<L: Lane>(model: &Model<L::Real>, position: &Position<L>, inertia: &mu
     for (i, dof) in model.dofs.iter().enumerate() {
         let force = inertia_mul(&inertia.composite[dof.link as usize], &position.cdof[i]);
         let row = &mut inertia.m[model.rows.row(i)];
-        tree::project_on_ancestors(model, &position.cdof, i, &force, row, |entry, x| *entry = x);
+        tree::project_on_ancestors(&model, &position.cdof, i, &force, row, |entry, x| *entry = x);
         if let Some(diagonal) = row.last_mut() {
-            *diagonal = tree::project(model, &position.cdof, i, &force) + L::splat(dof.armature);
+            *diagonal = tree::project(&model, &position.cdof, i, &force) + model.armature(i);
         }
     }
 }
 
 /// Spatial inertia at the tree's origin of a link whose centre of mass is at `com`.
 #[inline(always)]
-fn link_inertia<L: Lane>(link: &Link<L::Real>, rot: &[L; 9], com: &[L; 3]) -> Inertia10<L> {
+fn link_inertia<L: Lane>(
+    link: &Link<L::Real>,
+    (m, _, i): (L, [L; 3], [L; 6]),
+    rot: &[L; 9],
+    com: &[L; 3],
+) -> Inertia10<L> {
     // R I Rᵀ, I in link axes: first T = R I, then the upper triangle of T Rᵀ.
-    let i: [L; 6] = splat(&link.inertia);
     let r = rot;
     let t: [[L; 3]; 3] = std::array::from_fn(|k| {
         let (x, y, z) = (r[3 * k], r[3 * k + 1], r[3 * k + 2]);
@@ -66,7 +69,6 @@ fn link_inertia<L: Lane>(link: &Link<L::Real>, rot: &[L; 9], com: &[L; 3]) -> In
     });
     let entry = |a: usize, b: usize| t[a][2].mul_add(r[3 * b + 2], t[a][1].mul_add(r[3 * b + 1], t[a][0] * r[3 * b]));
     // Parallel axes: + m (s·s 1 - s sᵀ).
-    let m = L::splat(link.mass);
     let s = com;
     let h = [m * s[0], m * s[1], m * s[2]];
     let (xx, yy, zz) = (h[0] * s[0], h[1] * s[1], h[2] * s[2]);

@@ -5,7 +5,7 @@ use crate::inertia::Inertia;
 use crate::lane::Lane;
 use crate::math::ldl;
 use crate::math::quat;
-use crate::model::{JointKind, Model};
+use crate::model::{Instance, JointKind, Model};
 use crate::passive::damper_slope;
 
 fields! {
@@ -29,7 +29,7 @@ fields! {
 /// Next state: v⁺ = v + h a, q⁺ = q ⊕ h v⁺, with (M + h B) a = the sum of `forces` where damping is implicit, else
 /// a = `qacc`.
 pub fn euler<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     inertia: &Inertia<L>,
     qpos: &[L],
     qvel: &[L],
@@ -41,9 +41,9 @@ pub fn euler<L: Lane>(
     out.qacc.copy_from_slice(qacc);
     if model.features.implicit_damping {
         out.factor.copy_from_slice(&inertia.m);
-        for (i, dof) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
+        for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
             let diagonal = &mut out.factor[model.rows.diagonal(i)];
-            *diagonal = h.mul_add(damper_slope(dof, qvel[i]), *diagonal);
+            *diagonal = h.mul_add(damper_slope(model, i, qvel[i]), *diagonal);
         }
         let Integration { factor, inverse, multipliers, .. } = out;
         ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
@@ -51,11 +51,15 @@ pub fn euler<L: Lane>(
             *sum = forces[0][i] + forces[1][i];
         }
         ldl::solve(&model.rows, &model.tree_pattern, &out.factor, &out.inverse, &mut out.qacc);
+        if let Some(damped) = model.damped() {
+            // The same bits as those of a model without dampers.
+            out.qacc.iter_mut().zip(qacc).for_each(|(a, explicit)| *a = L::select(damped, *a, *explicit));
+        }
     }
     for i in 0..qvel.len() {
         out.qvel[i] = h.mul_add(out.qacc[i], qvel[i]);
     }
-    advance(model, qpos, &out.qvel, h, &mut out.qpos);
+    advance(&model, qpos, &out.qvel, h, &mut out.qpos);
 }
 
 /// q ⊕ h v: positions after moving with velocity `qvel` for a time `h`.

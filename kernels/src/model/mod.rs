@@ -9,10 +9,12 @@
 mod cast;
 mod pattern;
 mod tables;
+mod varied;
 
 pub use cast::Cast;
 pub use pattern::{Pattern, Rows};
 pub use tables::*;
+pub use varied::{Instance, Quantities, Quantity, Varied};
 
 use crate::lane::Real;
 use crate::options::Options;

@@ -329,6 +329,8 @@ table! {
         real:
         /// Centre of mass in the link's frame.
         pub com: [T; 3],
+        /// Mass.
+        pub mass: T,
     } T
 }
 

@@ -5,8 +5,8 @@ use crate::lane::Lane;
 use crate::math::quat;
 use crate::math::spatial::join;
 use crate::math::tree;
-use crate::math::vec3::{build, cross, mul_add, norm, scale, splat};
-use crate::model::{Dof, Joint, JointKind, Model};
+use crate::math::vec3::{build, cross, mul_add, norm, scale};
+use crate::model::{Instance, Joint, JointKind};
 use crate::position::Position;
 
 fields! {
@@ -21,7 +21,7 @@ fields! {
 
 /// Sum of spring, damper and gravity compensation forces.
 pub fn passive<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     position: &Position<L>,
     qpos: &[L],
     qvel: &[L],
@@ -29,13 +29,13 @@ pub fn passive<L: Lane>(
 ) {
     passive.qfrc_passive.fill(L::zero());
     if model.features.springs {
-        for joint in model.joints.iter().filter(|joint| joint.spring) {
-            spring(joint, qpos, &mut passive.qfrc_passive);
+        for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
+            spring(joint, &model.stiffness(j), qpos, &mut passive.qfrc_passive);
         }
     }
     if model.features.dampers {
-        for (i, dof) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
-            passive.qfrc_passive[i] -= damper(dof, qvel[i]);
+        for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
+            passive.qfrc_passive[i] -= damper(model, i, qvel[i]);
         }
     }
     if model.features.gravcomp {
@@ -50,9 +50,8 @@ pub fn passive<L: Lane>(
 
 /// a + b r + c r²: the stiffness of a spring stretched by `r`.
 #[inline(always)]
-pub(crate) fn stiffness<L: Lane>(joint: &Joint<L::Real>, r: L) -> L {
-    let [a, b, c]: [L; 3] = splat(&joint.stiffness);
-    r.mul_add(r.mul_add(c, b), a)
+fn stiffness<L: Lane>([a, b, c]: &[L; 3], r: L) -> L {
+    r.mul_add(r.mul_add(*c, *b), *a)
 }
 
 /// Rotation vector by which a ball (or the rotation of a free joint) is turned from its spring's rest, child frame.
@@ -70,11 +69,11 @@ pub(crate) fn shift_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L]) -> [L; 3
 }
 
 #[inline(always)]
-fn spring<L: Lane>(joint: &Joint<L::Real>, qpos: &[L], force: &mut [L]) {
+fn spring<L: Lane>(joint: &Joint<L::Real>, spring: &[L; 3], qpos: &[L], force: &mut [L]) {
     let q = &qpos[joint.qpos as usize..];
     let out = &mut force[joint.dof as usize..];
     let mut pull = |at: usize, d: &[L; 3]| {
-        let f = scale(stiffness(joint, norm(d)), d);
+        let f = scale(stiffness(spring, norm(d)), d);
         for k in 0..3 {
             out[at + k] -= f[k];
         }
@@ -87,16 +86,16 @@ fn spring<L: Lane>(joint: &Joint<L::Real>, qpos: &[L], force: &mut [L]) {
         JointKind::Ball => pull(0, &twist_from_rest(joint, q, 0)),
         JointKind::Slide | JointKind::Hinge => {
             let x = q[0] - L::splat(joint.qpos_spring[0]);
-            out[0] -= stiffness(joint, x) * x;
+            out[0] -= stiffness(spring, x) * x;
         }
     }
 }
 
 /// a v + b v|v| + c v³
 #[inline(always)]
-fn damper<L: Lane>(dof: &Dof<L::Real>, v: L) -> L {
-    let [a, b, c]: [L; 3] = splat(&dof.damping);
-    if dof.damping_linear {
+fn damper<L: Lane>(model: Instance<'_, L>, dof: usize, v: L) -> L {
+    let [a, b, c] = model.damping(dof);
+    if model.dofs[dof].damping_linear {
         return a * v;
     }
     let speed = v.abs();
@@ -105,9 +104,9 @@ fn damper<L: Lane>(dof: &Dof<L::Real>, v: L) -> L {
 
 /// Derivative of the damper force by velocity, a + 2 b|v| + 3 c v².
 #[inline(always)]
-pub fn damper_slope<L: Lane>(dof: &Dof<L::Real>, v: L) -> L {
-    let [a, b, c]: [L; 3] = splat(&dof.damping);
-    if dof.damping_linear {
+pub fn damper_slope<L: Lane>(model: Instance<'_, L>, dof: usize, v: L) -> L {
+    let [a, b, c] = model.damping(dof);
+    if model.dofs[dof].damping_linear {
         return a;
     }
     let speed = v.abs();
@@ -115,17 +114,17 @@ pub fn damper_slope<L: Lane>(dof: &Dof<L::Real>, v: L) -> L {
 }
 
 /// Generalised forces that carry the compensated weight.
-fn gravcomp<L: Lane>(model: &Model<L::Real>, position: &Position<L>, force: &mut [L]) {
+fn gravcomp<L: Lane>(model: Instance<'_, L>, position: &Position<L>, force: &mut [L]) {
     force.fill(L::zero());
-    let g: [L; 3] = splat(&model.gravity);
+    let g = model.gravity();
     for (l, link) in model.links.iter().enumerate() {
-        let weight = L::splat(link.gravcomp);
+        let (weight, place) = model.compensation(l);
         if link.gravcomp == L::Real::default() {
             continue;
         }
         let lift = scale(-weight, &g);
-        let at = mul_add(&position.rot[l], &splat(&link.gravcomp_pos), &position.pos[l]);
+        let at = mul_add(&position.rot[l], &place, &position.pos[l]);
         let wrench = join(&cross(&at, &lift), &lift);
-        tree::push(model, &position.cdof, l, &wrench, force);
+        tree::push(&model, &position.cdof, l, &wrench, force);
     }
 }

@@ -9,7 +9,7 @@ use crate::math::quat;
 use crate::math::vec3::{
     Mat3, Vec3, add, column, cross, mul, mul_add, mul_mat, neg, rotate_columns, rotation, scale, splat, sub, zero,
 };
-use crate::model::{AxisKind, Joint, JointKind, Link, Model, NONE};
+use crate::model::{AxisKind, Instance, Joint, JointKind, Link, NONE};
 
 fields! {
     /// Poses of links and axes of dofs.
@@ -32,7 +32,7 @@ fields! {
 }
 
 /// Poses of all links from positions `qpos` (quaternions of any positive length).
-pub fn kinematics<L: Lane>(model: &Model<L::Real>, qpos: &[L], position: &mut Position<L>) {
+pub fn kinematics<L: Lane>(model: Instance<'_, L>, qpos: &[L], position: &mut Position<L>) {
     for (l, link) in model.links.iter().enumerate() {
         let root = link.parent == NONE;
         let (mut pos, mut rot) = placed(link, position);
@@ -64,7 +64,8 @@ pub fn kinematics<L: Lane>(model: &Model<L::Real>, qpos: &[L], position: &mut Po
         }
         position.pos[l] = pos;
         position.rot[l] = rot;
-        position.com[l] = mul_add(&rot, &splat(&link.com), &pos);
+        let (_, com, _) = model.mass(l);
+        position.com[l] = mul_add(&rot, &com, &pos);
         for j in link.joints.range() {
             dof_axes(&model.joints[j], j, &rot, position);
         }

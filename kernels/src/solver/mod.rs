@@ -88,6 +88,8 @@ fields! {
 pub struct Problem<'a, L: Lane> {
     /// Model.
     pub model: &'a Model<L::Real>,
+    /// Mean inertia, which scales tolerances.
+    pub mean_inertia: L,
     /// Poses and dof axes.
     pub position: &'a Position<L>,
     /// Inertia matrix.

@@ -14,7 +14,7 @@ pub fn solve<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut S
         pgs::edge_forces(problem.constraint, work);
         dual::prepare(problem, work);
     }
-    let scale = L::one() / (L::splat(model.mean_inertia) * L::of((model.sizes.nv as f64).max(1.0)));
+    let scale = L::one() / (problem.mean_inertia * L::of((model.sizes.nv as f64).max(1.0)));
     let tolerance = L::of(model.options.noslip_tolerance);
     let mut open = open;
     for _ in 0..model.options.noslip_iterations {

@@ -20,7 +20,7 @@ pub fn solve<L: LaneQuery>(
 ) -> L::Mask {
     start(problem, warmstart, work);
     let model = problem.model;
-    let scale = L::one() / (L::splat(model.mean_inertia) * L::of((model.sizes.nv as f64).max(1.0)));
+    let scale = L::one() / (problem.mean_inertia * L::of((model.sizes.nv as f64).max(1.0)));
     let tolerance = L::of(model.options.tolerance);
     let mut open = open;
     let mut niter = L::zero();

@@ -34,7 +34,7 @@ pub fn solve<L: LaneQuery>(
 /// From the search direction p: M p, slopes and curvature along it, the motion of every link, J p of rows on joints, and the
 /// start of the line search.
 pub fn motion<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, position, inertia, acceleration, constraint } = problem;
+    let Problem { model, position, inertia, acceleration, constraint, .. } = problem;
     let Solver { search, msearch, twist, ma, gradient, .. } = &mut work.fields;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
     let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
@@ -133,7 +133,7 @@ pub(super) fn converged<L: Lane>(problem: &Problem<'_, L>, solver: &Solver<L>) -
     let gradient = (gradients[0] + gradients[1]) + (gradients[2] + gradients[3]);
     let [first, second] = sizes.map(|[a, b, c]| (a + b) + c);
     let size = first + second;
-    let bound = L::of(model.options.tolerance) * L::splat(model.mean_inertia) * L::of(model.sizes.nv as f64);
+    let bound = L::of(model.options.tolerance) * problem.mean_inertia * L::of(model.sizes.nv as f64);
     let rounding = L::of(2.0 * L::Real::EPSILON);
     gradient.sqrt().le(bound) | gradient.le(rounding * rounding * size)
 }

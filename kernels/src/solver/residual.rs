@@ -24,7 +24,7 @@ pub fn measure_residual<L: LaneQuery>(problem: &Problem<'_, L>, work: &mut Solve
         let gradient = ma[i] - acceleration.qfrc_smooth[i] - pull[i];
         squared = gradient.mul_add(gradient, squared);
     }
-    let scale = L::splat(model.mean_inertia) * L::of((model.sizes.nv as f64).max(1.0));
+    let scale = problem.mean_inertia * L::of((model.sizes.nv as f64).max(1.0));
     work.statistics.residual = L::select(active_lanes(constraint), squared.sqrt() / scale, L::zero());
 }
 

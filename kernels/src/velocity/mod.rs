@@ -6,7 +6,7 @@ use crate::inertia::Inertia;
 use crate::lane::Lane;
 use crate::math::spatial::{Spatial, cross_force, cross_motion, dot6, inertia_mul};
 use crate::math::vec3::{add, scale_add, zero};
-use crate::model::{DofKind, Link, Model, NONE};
+use crate::model::{DofKind, Instance, Link, Model, NONE};
 use crate::position::Position;
 
 fields! {
@@ -25,7 +25,7 @@ fields! {
 
 /// Link velocities, and the bias force from velocities `qvel`.
 pub fn rne<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     position: &Position<L>,
     inertia: &Inertia<L>,
     qvel: &[L],
@@ -33,12 +33,12 @@ pub fn rne<L: Lane>(
 ) {
     for (l, link) in model.links.iter().enumerate() {
         let (mut v, mut a) = if link.parent == NONE {
-            let g = model.gravity;
-            (zero(), [L::zero(), L::zero(), L::zero(), -L::splat(g[0]), -L::splat(g[1]), -L::splat(g[2])])
+            let g = model.gravity();
+            (zero(), [L::zero(), L::zero(), L::zero(), -g[0], -g[1], -g[2]])
         } else {
             (velocity.cvel[link.parent as usize], velocity.cacc[link.parent as usize])
         };
-        joint_motion(model, link, position, qvel, &mut v, &mut a);
+        joint_motion(&model, link, position, qvel, &mut v, &mut a);
         let i = &inertia.link[l];
         velocity.cvel[l] = v;
         velocity.cacc[l] = a;

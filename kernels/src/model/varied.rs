@@ -1,0 +1,325 @@
+//! Numbers of the model that differ from world to world.
+//!
+//! Kernels read what may vary through [`Instance`], the model as the worlds of a block have it: shared numbers come from
+//! the tables and fold into recorded code, varying ones are lanes, which become inputs of the code.
+
+use std::ops::Deref;
+
+use super::{Link, Model, Pair};
+use crate::lane::{Lane, Mask};
+use crate::math::vec3::splat;
+
+/// Numbers of the tables that can vary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Quantity {
+    /// Gravity: three numbers.
+    Gravity,
+    /// Potential energy of the bodies that stand still: one number.
+    StillPotential,
+    /// First damping coefficient of each dof.
+    Damping,
+    /// First stiffness coefficient of each joint.
+    Stiffness,
+    /// Gain of each actuator, three numbers.
+    Gain,
+    /// Bias of each actuator, three numbers.
+    Bias,
+    /// Gear of each actuator, six numbers.
+    Gear,
+    /// Friction and inverse weight of each pair, six numbers.
+    Grip,
+    /// Mass, centre of mass and inertia of each link, ten numbers.
+    Link,
+    /// Gravity compensation of each link and where it acts, four numbers.
+    Compensation,
+    /// Armature of each dof.
+    Armature,
+    /// Inverse weight of each limit.
+    LimitWeight,
+    /// Regulariser of each dry friction.
+    Regulariser,
+    /// Mean inertia: one number.
+    MeanInertia,
+    /// Mass of each MJCF body.
+    BodyMass,
+}
+
+impl Quantity {
+    /// All of them.
+    pub const ALL: [Quantity; 15] = [
+        Quantity::Gravity,
+        Quantity::StillPotential,
+        Quantity::Damping,
+        Quantity::Stiffness,
+        Quantity::Gain,
+        Quantity::Bias,
+        Quantity::Gear,
+        Quantity::Grip,
+        Quantity::Link,
+        Quantity::Compensation,
+        Quantity::Armature,
+        Quantity::LimitWeight,
+        Quantity::Regulariser,
+        Quantity::MeanInertia,
+        Quantity::BodyMass,
+    ];
+
+    /// The model's own numbers, element by element.
+    pub fn of<T: Copy>(self, model: &Model<T>) -> Vec<T> {
+        match self {
+            Quantity::Gravity => model.gravity.to_vec(),
+            Quantity::StillPotential => vec![model.potential_still],
+            Quantity::Damping => model.dofs.iter().map(|dof| dof.damping[0]).collect(),
+            Quantity::Stiffness => model.joints.iter().map(|joint| joint.stiffness[0]).collect(),
+            Quantity::Gain => model.actuators.iter().flat_map(|actuator| actuator.gain).collect(),
+            Quantity::Bias => model.actuators.iter().flat_map(|actuator| actuator.bias).collect(),
+            Quantity::Gear => model.actuators.iter().flat_map(|actuator| actuator.gear).collect(),
+            Quantity::Grip => {
+                let grip = |pair: &Pair<T>| pair.friction.into_iter().chain([pair.invweight]);
+                model.pairs.iter().flat_map(grip).collect()
+            }
+            Quantity::Link => {
+                let mass = |link: &Link<T>| [link.mass].into_iter().chain(link.com).chain(link.inertia);
+                model.links.iter().flat_map(mass).collect()
+            }
+            Quantity::Compensation => {
+                let lift = |link: &Link<T>| [link.gravcomp].into_iter().chain(link.gravcomp_pos);
+                model.links.iter().flat_map(lift).collect()
+            }
+            Quantity::Armature => model.dofs.iter().map(|dof| dof.armature).collect(),
+            Quantity::LimitWeight => model.limits.iter().map(|limit| limit.invweight).collect(),
+            Quantity::Regulariser => model.friction_losses.iter().map(|loss| loss.r).collect(),
+            Quantity::MeanInertia => vec![model.mean_inertia],
+            Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
+        }
+    }
+}
+
+/// A set of quantities.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Quantities(u16);
+
+impl Quantities {
+    /// None.
+    pub const NONE: Quantities = Quantities(0);
+
+    /// Those of a list.
+    pub const fn of(list: &[Quantity]) -> Self {
+        let (mut set, mut i) = (0, 0);
+        while i < list.len() {
+            set |= 1 << list[i] as u16;
+            i += 1;
+        }
+        Quantities(set)
+    }
+
+    /// Whether it is among them.
+    pub const fn has(self, quantity: Quantity) -> bool {
+        self.0 >> quantity as u16 & 1 != 0
+    }
+
+    /// Those of either.
+    pub const fn or(self, other: Self) -> Self {
+        Quantities(self.0 | other.0)
+    }
+
+    /// Those of both.
+    pub const fn and(self, other: Self) -> Self {
+        Quantities(self.0 & other.0)
+    }
+
+    /// Whether there are none.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// One after the other.
+    pub fn iter(self) -> impl Iterator<Item = Quantity> {
+        Quantity::ALL.into_iter().filter(move |quantity| self.has(*quantity))
+    }
+}
+
+/// The numbers that vary among the worlds of a block.
+#[derive(Clone, Debug)]
+pub struct Varied<L> {
+    set: Quantities,
+    /// By quantity; empty if it does not vary.
+    lanes: [Vec<L>; Quantity::ALL.len()],
+}
+
+impl<L: Lane> Varied<L> {
+    /// The model's own numbers in all worlds.
+    pub fn new(model: &Model<L::Real>, set: Quantities) -> Self {
+        let lanes = |quantity: Quantity| quantity.of(model).into_iter().map(L::splat).collect();
+        Varied { set, lanes: Quantity::ALL.map(|q| if set.has(q) { lanes(q) } else { Vec::new() }) }
+    }
+
+    /// What varies.
+    pub fn set(&self) -> Quantities {
+        self.set
+    }
+
+    /// A quantity's numbers; none if it does not vary.
+    #[inline(always)]
+    pub fn lanes(&self, quantity: Quantity) -> &[L] {
+        &self.lanes[quantity as usize]
+    }
+
+    /// The same, to be changed.
+    #[inline(always)]
+    pub fn lanes_mut(&mut self, quantity: Quantity) -> &mut [L] {
+        &mut self.lanes[quantity as usize]
+    }
+
+    /// Calls `f` with the numbers of everything that varies.
+    pub fn for_each(&mut self, f: &mut dyn FnMut(&mut [L])) {
+        for quantity in self.set.iter() {
+            f(self.lanes_mut(quantity));
+        }
+    }
+}
+
+/// The model as the worlds of a block have it.
+#[derive(Debug)]
+pub struct Instance<'a, L: Lane> {
+    /// What they share; of what varies, only the structure counts.
+    pub model: &'a Model<L::Real>,
+    /// What varies, if anything does.
+    pub varied: Option<&'a Varied<L>>,
+}
+
+impl<L: Lane> Clone for Instance<'_, L> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L: Lane> Copy for Instance<'_, L> {}
+
+impl<L: Lane> Deref for Instance<'_, L> {
+    type Target = Model<L::Real>;
+    #[inline(always)]
+    fn deref(&self) -> &Model<L::Real> {
+        self.model
+    }
+}
+
+/// Nothing varies.
+impl<'a, L: Lane> From<&'a Model<L::Real>> for Instance<'a, L> {
+    fn from(model: &'a Model<L::Real>) -> Self {
+        Instance { model, varied: None }
+    }
+}
+
+impl<L: Lane> Instance<'_, L> {
+    /// Numbers of element `i` if the quantity varies.
+    #[inline(always)]
+    fn entry<const N: usize>(&self, quantity: Quantity, i: usize) -> Option<[L; N]> {
+        let lanes = self.varied?.lanes(quantity);
+        lanes.get(N * i..N * (i + 1)).map(|own| std::array::from_fn(|k| own[k]))
+    }
+
+    /// Gravity.
+    #[inline(always)]
+    pub fn gravity(&self) -> [L; 3] {
+        self.entry(Quantity::Gravity, 0).unwrap_or_else(|| splat(&self.model.gravity))
+    }
+
+    /// Potential energy of the bodies that stand still.
+    #[inline(always)]
+    pub fn still_potential(&self) -> L {
+        self.entry(Quantity::StillPotential, 0).map_or_else(|| L::splat(self.potential_still), |[x]| x)
+    }
+
+    /// Coefficients of a dof's damper.
+    #[inline(always)]
+    pub fn damping(&self, dof: usize) -> [L; 3] {
+        let [a, b, c] = splat(&self.dofs[dof].damping);
+        self.entry(Quantity::Damping, dof).map_or([a, b, c], |[own]| [own, b, c])
+    }
+
+    /// The worlds in which some dof is damped, if worlds differ in that.
+    pub fn damped(&self) -> Option<L::Mask> {
+        let lanes = self.varied?.lanes(Quantity::Damping);
+        if lanes.is_empty() || self.dofs.iter().any(|dof| !dof.damping_linear) {
+            return None;
+        }
+        Some(lanes.iter().fold(L::Mask::splat(false), |some, x| some | x.gt(L::zero())))
+    }
+
+    /// Coefficients of a joint's spring.
+    #[inline(always)]
+    pub fn stiffness(&self, joint: usize) -> [L; 3] {
+        let [a, b, c] = splat(&self.joints[joint].stiffness);
+        self.entry(Quantity::Stiffness, joint).map_or([a, b, c], |[own]| [own, b, c])
+    }
+
+    /// Gain of an actuator: constant, per length, per velocity.
+    #[inline(always)]
+    pub fn gain(&self, actuator: usize) -> [L; 3] {
+        self.entry(Quantity::Gain, actuator).unwrap_or_else(|| splat(&self.actuators[actuator].gain))
+    }
+
+    /// Bias of an actuator, likewise.
+    #[inline(always)]
+    pub fn bias(&self, actuator: usize) -> [L; 3] {
+        self.entry(Quantity::Bias, actuator).unwrap_or_else(|| splat(&self.actuators[actuator].bias))
+    }
+
+    /// Gear of an actuator.
+    #[inline(always)]
+    pub fn gear(&self, actuator: usize) -> [L; 6] {
+        self.entry(Quantity::Gear, actuator).unwrap_or_else(|| splat(&self.actuators[actuator].gear))
+    }
+
+    /// Mass of a link, its centre of mass, and its inertia.
+    #[inline(always)]
+    pub fn mass(&self, link: usize) -> (L, [L; 3], [L; 6]) {
+        let own = &self.links[link];
+        match self.entry(Quantity::Link, link) {
+            Some([mass, x, y, z, xx, yy, zz, xy, xz, yz]) => (mass, [x, y, z], [xx, yy, zz, xy, xz, yz]),
+            None => (L::splat(own.mass), splat(&own.com), splat(&own.inertia)),
+        }
+    }
+
+    /// Gravity compensation of a link, and where it acts.
+    #[inline(always)]
+    pub fn compensation(&self, link: usize) -> (L, [L; 3]) {
+        let own = &self.links[link];
+        match self.entry(Quantity::Compensation, link) {
+            Some([weight, x, y, z]) => (weight, [x, y, z]),
+            None => (L::splat(own.gravcomp), splat(&own.gravcomp_pos)),
+        }
+    }
+
+    /// Inertia added to a dof.
+    #[inline(always)]
+    pub fn armature(&self, dof: usize) -> L {
+        self.entry(Quantity::Armature, dof).map_or_else(|| L::splat(self.dofs[dof].armature), |[x]| x)
+    }
+
+    /// Inverse weight of a limit.
+    #[inline(always)]
+    pub fn limit_weight(&self, limit: usize) -> L {
+        self.entry(Quantity::LimitWeight, limit).map_or_else(|| L::splat(self.limits[limit].invweight), |[x]| x)
+    }
+
+    /// Regulariser of a dry friction.
+    #[inline(always)]
+    pub fn regulariser(&self, loss: usize) -> L {
+        self.entry(Quantity::Regulariser, loss).map_or_else(|| L::splat(self.friction_losses[loss].r), |[x]| x)
+    }
+
+    /// Mean diagonal of the inertia matrix.
+    #[inline(always)]
+    pub fn mean_inertia(&self) -> L {
+        self.entry(Quantity::MeanInertia, 0).map_or_else(|| L::splat(self.model.mean_inertia), |[x]| x)
+    }
+
+    /// Friction of a pair's contacts and its inverse weight, if they vary.
+    #[inline(always)]
+    pub fn grip(&self, pair: usize) -> Option<[L; 6]> {
+        self.entry(Quantity::Grip, pair)
+    }
+}
