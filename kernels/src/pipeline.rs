@@ -75,11 +75,14 @@ pub fn forward<L: LaneQuery>(
         energy::energy(instance, &ws.position, &ws.inertia, &state.qpos, &state.qvel, &mut ws.energy);
         end(Stage::Energy);
     }
-    if runs(Stage::Collision) {
+    if runs(Stage::Collision) && findings.due & status.alive == 0 {
+        // Where no test is due, no pair is near.
+        ws.collision.slots.clear();
+        end(Stage::Collision);
+    } else if runs(Stage::Collision) {
         let (most, code) = (run.max_contacts, &mut *run.code);
-        let worlds = [alive, L::mask_of(findings.due)];
         let overflow =
-            collision::collide(model, (&state.qpos, &ws.position), worlds, most, run.convex, code, &mut ws.collision);
+            collision::collide(model, (&state.qpos, &ws.position), alive, most, run.convex, code, &mut ws.collision);
         status.record(Status::CONTACT_OVERFLOW, L::bits(overflow & alive));
         end(Stage::Collision);
     }

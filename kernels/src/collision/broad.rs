@@ -72,13 +72,13 @@ impl<L: LaneQuery> Broad<L> {
         Broad { pairs, groups, near: vec![0; model.pairs.len()] }
     }
 
-    /// Finds where pairs are near, in the worlds of `alive`; `due` says in which of them tests of groups are. Whether any may
-    /// be.
+    /// Finds where pairs are near, in the worlds of `alive`. Whether any may be. A pair that is near is due at once, so that none
+    /// is where no test is due.
     pub fn test(
         &mut self,
         model: &Model<L::Real>,
         (qpos, position): (&[L], &Position<L>),
-        [alive, due]: [L::Mask; 2],
+        alive: L::Mask,
         code: &mut dyn Code<L>,
         colliders: &mut Colliders<L>,
     ) -> bool {
@@ -87,10 +87,6 @@ impl<L: LaneQuery> Broad<L> {
             self.pairs.advance(&colliders.way, alive);
             colliders.set_out(qpos, position);
             return self.pairs.test(model, position, alive, colliders, &mut self.near);
-        }
-        // Pairs that are near are due at once, so that none is where nothing is due.
-        if !L::any(due & alive) {
-            return false;
         }
         let Broad { groups, near, .. } = self;
         groups.due.resize(count, [L::of(-L::Real::MAX); 2]);

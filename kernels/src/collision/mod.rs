@@ -181,19 +181,19 @@ pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32
     if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
-/// Finds the contacts of the worlds in `alive`; `due` are those in which tests are by their [`way`]. Returns the lanes in which
-/// some world had more than `capacity` contacts; those beyond it, in the order of pairs, are left out.
+/// Finds the contacts of the worlds in `alive`, in some of which bounding tests are due by their [`way`]. Returns the lanes in
+/// which some world had more than `capacity` contacts; those beyond it, in the order of pairs, are left out.
 pub fn collide<L: LaneQuery>(
     model: &Model<L::Real>,
     (qpos, position): (&[L], &Position<L>),
-    [alive, due]: [L::Mask; 2],
+    alive: L::Mask,
     capacity: usize,
     convex: &dyn ConvexCollider,
     code: &mut dyn Code<L>,
     collision: &mut Collision<L>,
 ) -> L::Mask {
     collision.slots.clear();
-    if !collision.broad.test(model, (qpos, position), [alive, due], code, &mut collision.colliders) {
+    if !collision.broad.test(model, (qpos, position), alive, code, &mut collision.colliders) {
         return L::Mask::splat(false);
     }
     let Collision { broad, extents, near, found, .. } = collision;

@@ -6,7 +6,7 @@
 //! world by no more than the sum over all joints and the origin's way, on either side.
 
 use crate::lane::{Lane, Mask, Real};
-use crate::math::vec3::{Vec3, norm, sub};
+use crate::math::vec3::{Vec3, sub};
 use crate::model::{Joint, JointKind, Model, NONE, Shape};
 use crate::position::Position;
 
@@ -42,17 +42,22 @@ pub fn levers(model: &Model<f64>) -> Vec<f64> {
     reach.iter().map(|reach| ROUNDING * reach).collect()
 }
 
-/// A bound of the largest distance between a rotation's images of the unit sphere's points, by its quaternions.
+/// Least square of the norm of a quaternion for which [`turn`] has a bound: steps leave unit quaternions.
+const LEAST_NORM: f64 = 0.8;
+
+/// A bound of the largest distance between two rotations' images of a point of the unit sphere, by their quaternions; of those that
+/// are far from unit quaternions, none. It is 2 |q - q'| / min(|q|, |q'|), with the sum of magnitudes for the norm of the
+/// difference: a square root and a division would cost more than what a tighter bound saves.
 #[inline(always)]
 fn turn<L: Lane>(old: &[L], new: &[L]) -> L {
-    let (mut chord, mut first, mut second) = (L::zero(), L::zero(), L::zero());
+    let (mut change, mut first, mut second) = (L::zero(), L::zero(), L::zero());
     for (old, new) in old.iter().zip(new).take(4) {
-        let change = *new - *old;
-        chord = change.mul_add(change, chord);
+        change += (*new - *old).abs();
         first = old.mul_add(*old, first);
         second = new.mul_add(*new, second);
     }
-    L::of(2.0) * (chord / first.min(second)).sqrt()
+    let usual = L::of(LEAST_NORM).le(first.min(second));
+    L::select(usual, change * L::of(2.0 / LEAST_NORM.sqrt()), L::of(L::Real::MAX))
 }
 
 /// How far slides below the first links of trees extend them, now and before.
@@ -95,7 +100,7 @@ pub fn way<L: Lane>(
     let mut longest = [L::zero(); 2];
     for (t, [inner, outer]) in colliders.stir.iter().enumerate() {
         let origin: Vec3<L> = sub(&position.origin[t], &colliders.origin[t]);
-        let all = *inner + *outer + norm(&origin);
+        let all = origin.iter().fold(*inner + *outer, |all, x| all + x.abs());
         known = known & all.within(L::Real::MAX);
         longest = [longest[0].max(*inner), longest[1].max(all)];
     }
