@@ -5,8 +5,8 @@ mod support;
 
 use lanesim::outputs::Output;
 use lanesim::rows::{Strided, Values};
-use lanesim::{Backend, Controls, Error, Field, InstructionSet, Model, Options, Parameter, Precision, Rollout, Worlds};
-use support::{Random, load, load_with, parse};
+use lanesim::{Backend, Controls, Field, InstructionSet, Model, Options, Parameter, Precision, Rollout, Worlds};
+use support::{Random, fails, load, load_with, parse};
 
 /// Different sets of numbers; larger batches repeat them.
 const DIFFERENT: usize = 5;
@@ -335,15 +335,6 @@ fn parameters_are_set_where_the_mask_says() {
     // Four lanes of four bytes (with the potential of what stands still), three numbers of eight, and little per block.
     let more = worlds.memory().0 - before;
     assert!((16 + 24..16 + 24 + 32).contains(&more), "{more} bytes");
-}
-
-/// Asserts that something fails with `message` in its error.
-#[track_caller]
-fn fails<T>(result: Result<T, Error>, message: &str) {
-    match result {
-        Ok(_) => panic!("no error; expected: {message}"),
-        Err(error) => assert!(error.to_string().contains(message), "{error}\nexpected: {message}"),
-    }
 }
 
 #[test]

@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use lanesim::eval::eval;
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
-use lanesim::{Backend, Controls, Error, Field, Model, Options, Precision, Rollout, Worlds, noise};
+use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds, noise};
 use lanesim_kernels::pipeline::Stage;
-use support::{all_models, load, load_with, options, parse};
+use support::{all_models, fails, load, load_with, options, parse};
 
 fn wide() -> Options {
     options(Precision::F64, Backend::Wide)
@@ -22,15 +22,6 @@ fn worlds(model: &Model, n: usize) -> Worlds {
 
 fn outputs<const N: usize>(names: [&str; N]) -> [Output; N] {
     names.map(|name| Output::named(name).expect("an output"))
-}
-
-/// Asserts that something fails with `message` in its error.
-#[track_caller]
-fn fails<T>(result: Result<T, Error>, message: &str) {
-    match result {
-        Ok(_) => panic!("no error; expected: {message}"),
-        Err(error) => assert!(error.to_string().contains(message), "{error}\nexpected: {message}"),
-    }
 }
 
 #[test]

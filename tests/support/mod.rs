@@ -6,7 +6,7 @@ pub mod golden;
 use std::path::{Path, PathBuf};
 
 use lanesim::mjcf::LoadOptions;
-use lanesim::{Backend, Model, Options, Precision};
+use lanesim::{Backend, Error, Model, Options, Precision};
 
 /// A path inside the repository.
 pub fn repository(path: &str) -> PathBuf {
@@ -26,6 +26,15 @@ pub fn all_models() -> Vec<String> {
     }
     names.sort();
     names
+}
+
+/// Asserts that something fails with `message` in its error.
+#[track_caller]
+pub fn fails<T>(result: Result<T, Error>, message: &str) {
+    match result {
+        Ok(_) => panic!("no error; expected: {message}"),
+        Err(error) => assert!(error.to_string().contains(message), "{error}\nexpected: {message}"),
+    }
 }
 
 /// A model of the repository by folder/name, with options replaced.
