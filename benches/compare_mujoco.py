@@ -7,8 +7,8 @@
 
 For every model and precision, `lanesim bench --json` and MuJoCo's batch rollout run in turn, --repeats times; the ratio is
 the median of the ratios of neighbours, so that a machine that slows down for a while slows down both. Both sides start their
-worlds from 32 states that were warmed up under uniform control noise for 2 s (500 to 2000 steps), copied with noise of 0.01 on
-the velocity, and redraw the controls at every step. MuJoCo's controls are drawn before its clock starts. With one thread, both
+worlds from 32 states that were warmed up under uniform control noise for 2 s (500 to 2000 steps, or --warm-up), copied with noise
+of 0.01 on the velocity, and redraw the controls at every step, in all of their ranges or in a share of them (--noise). MuJoCo's controls are drawn before its clock starts. With one thread, both
 are kept on one core where the system allows it.
 
 --option is passed on to both sides. --lenient lets us leave out what we do not support; MuJoCo's sensors are then switched off,
@@ -58,20 +58,23 @@ class Reference:
         if args.lenient:
             self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         rng = np.random.default_rng(args.seed)
-        self.states = self.starts(args.worlds, rng)
-        low, high = self.control_range()
+        self.states = self.starts(args, rng)
+        low, high = self.control_range(args.noise)
         self.controls = rng.uniform(low, high, (args.worlds, args.steps, self.model.nu))
         self.batch = Batch(self.model, args.worlds, nthread=args.threads)
 
-    def control_range(self):
+    def control_range(self, share):
         limited = self.model.actuator_ctrllimited.astype(bool)
         ends = self.model.actuator_ctrlrange
-        return np.where(limited, ends[:, 0], -1.0), np.where(limited, ends[:, 1], 1.0)
+        low, high = np.where(limited, ends[:, 0], -1.0), np.where(limited, ends[:, 1], 1.0)
+        cut = (1 - share) * (high - low) / 2
+        return low + cut, high - cut
 
-    def starts(self, worlds, rng):
-        data, (low, high) = mujoco.MjData(self.model), self.control_range()
+    def starts(self, args, rng):
+        worlds, data, (low, high) = args.worlds, mujoco.MjData(self.model), self.control_range(args.noise)
         least, most = WARM_UP_STEPS
         steps = min(most, max(least, math.ceil(WARM_UP_SECONDS / self.model.opt.timestep)))
+        steps = steps if args.warm_up is None else args.warm_up
         rows = np.empty((min(BASES, worlds), mujoco.mj_stateSize(self.model, int(STATE))))
         for row in rows:
             mujoco.mj_resetData(self.model, data)
@@ -113,7 +116,9 @@ def set_option(model, name, value):
 def bench(path, precision, args):
     """One run of `lanesim bench`, as it prints it."""
     command = [args.lanesim, "bench", path, "--worlds", args.worlds, "--steps", args.steps, "--threads", args.threads,
-               "--precision", precision, "--seed", args.seed, "--json"]
+               "--precision", precision, "--noise", args.noise, "--seed", args.seed, "--json"]
+    if args.warm_up is not None:
+        command += ["--warm-up", args.warm_up]
     for name, value in args.option:
         command += ["--option", f"{name}={value}"]
     if args.lenient:
@@ -186,7 +191,7 @@ def heading(records, args):
         f"- commit {commit}{changes}; {output(['rustc', '--version']) or 'rustc unknown'}; Python {platform.python_version()}, "
         f"NumPy {np.__version__}",
         f"- {args.worlds} worlds, {args.steps} steps, {args.threads} thread(s) on {pinned}, {args.repeats} pairs of runs, "
-        f"seed {args.seed}; options:{options}.{rules}", "",
+        f"seed {args.seed}, noise over {args.noise:g} of the control ranges; options:{options}.{rules}", "",
         "Speeds are medians; the ratio is the median of the ratios of neighbouring runs. The error is the relative difference "
         "of the next velocity\nfrom a converged scalar f64 step. Occupancy is the part of a block's contact slots in use; "
         "iterations are a world's mean, and those\nof the slowest world of each block.", ""])
@@ -204,6 +209,8 @@ def arguments():
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--core", type=int, help="the core to stay on [with one thread: the last that may be used]")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--noise", type=float, default=1, metavar="SHARE", help="of the control ranges, around the middle [1]")
+    parser.add_argument("--warm-up", type=int, metavar="STEPS", help="[2 s, 500 to 2000 steps]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--option", action="append", default=[], type=name_value, metavar="NAME=VALUE")
     parser.add_argument("--lenient", action="store_true")

@@ -324,10 +324,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                     values.for_each(row..row + nu, |i, x| state.ctrl[i].set(lane, L::Real::from_f64(x)));
                 }
             }
-            Controls::Noise { seed } => {
+            Controls::Noise { seed, scale } => {
                 let world = |id: &usize| (first_world + id) as u64;
                 for (part, ids) in ids.chunks(DRAWS).enumerate() {
-                    self.draw(seed, *step as u64, ids.iter().map(world), part * DRAWS, &mut state.ctrl);
+                    self.draw((seed, scale), *step as u64, ids.iter().map(world), part * DRAWS, &mut state.ctrl);
                 }
             }
         }
@@ -336,7 +336,14 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
     /// Draws the controls of up to [`DRAWS`] worlds, whose first lane is `first`. All loops are as long as there could be
     /// worlds, so that hashes of several run side by side.
     #[inline]
-    fn draw(&self, seed: u64, step: u64, worlds: impl ExactSizeIterator<Item = u64>, first: usize, ctrl: &mut [L]) {
+    fn draw(
+        &self,
+        (seed, scale): (u64, f64),
+        step: u64,
+        worlds: impl ExactSizeIterator<Item = u64>,
+        first: usize,
+        ctrl: &mut [L],
+    ) {
         let mut draws = [noise::Draws::new(seed, 0, step); DRAWS];
         let count = worlds.len();
         for (draws, world) in draws.iter_mut().zip(worlds) {
@@ -344,7 +351,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
         for (a, u) in ctrl.iter_mut().enumerate() {
             let [low, high] = self.model.control_range(a);
-            let drawn = draws.map(|draws| low + (high - low) * draws.uniform(a as u64));
+            let (width, cut) = (scale * (high - low), (1.0 - scale) * 0.5 * (high - low));
+            let low = low + cut;
+            let drawn = draws.map(|draws| low + width * draws.uniform(a as u64));
             for (lane, x) in drawn.iter().enumerate().take(count) {
                 u.set(first + lane, L::Real::from_f64(*x));
             }

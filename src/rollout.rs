@@ -34,6 +34,8 @@ pub enum Controls<'a> {
     Noise {
         /// Seed; the numbers depend on (seed, world, step, actuator) alone.
         seed: u64,
+        /// Share of the range, around its middle, that the numbers take: 1 for all of it, 0 for the middle alone.
+        scale: f64,
     },
 }
 
@@ -92,6 +94,11 @@ impl Rollout<'_> {
         }
         let nu = model.tables().sizes.nu;
         self.check_strides(nu, nworld)?;
+        if let Controls::Noise { scale, .. } = self.controls
+            && !(0.0..=1.0).contains(&scale)
+        {
+            return Err(Error::Input(format!("the scale of control noise is {scale}; expected a number from 0 to 1")));
+        }
         let Controls::Given(controls) = self.controls else { return Ok(()) };
         let (given, nstep) = (controls.len(), self.nstep);
         if memory::product(&[nworld, nstep, nu]) != Some(given) {

@@ -20,7 +20,7 @@ const SLACK: usize = 8;
 fn allocations(worlds: &mut Worlds, outputs: &[Output], nstep: usize, calls: usize) -> usize {
     let count = |_| {
         (0..WORLDS).for_each(|world| worlds.reset(world, None).expect("a world"));
-        let controls = Controls::Noise { seed: 7 };
+        let controls = Controls::Noise { seed: 7, scale: 1.0 };
         let rollout = Rollout { nstep, controls, outputs, statistics: true, ..Rollout::default() };
         let region = Region::new(ALLOCATOR);
         let result = worlds.rollout(&rollout);

@@ -298,7 +298,7 @@ fn worlds_that_change_places() {
             worlds
         };
         let mut alone = prepare(&options(precision, Backend::Scalar, 2));
-        let noise = Controls::Noise { seed: 3 };
+        let noise = Controls::Noise { seed: 3, scale: 1.0 };
         let expected = record(&mut alone, 2 * SHORT, noise);
         assert!(alone.lost() > 5, "only {} worlds were lost", alone.lost());
         for engine in engines(precision, 1) {

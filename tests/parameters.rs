@@ -466,7 +466,7 @@ fn models_of_the_zoo_can_vary() {
             }
         }
         worlds
-            .rollout(&Rollout { nstep: 100, controls: Controls::Noise { seed: 1 }, ..Rollout::default() })
+            .rollout(&Rollout { nstep: 100, controls: Controls::Noise { seed: 1, scale: 1.0 }, ..Rollout::default() })
             .expect("a rollout");
         assert_eq!(worlds.lost(), 0, "{name}");
         let qpos = worlds.get_all(Field::Qpos);

@@ -70,7 +70,7 @@ fn what_is_recorded_does_not_change_the_steps() {
         let model = load(name);
         let run = |outputs: &[Output], statistics: bool| {
             let mut worlds = worlds(&model, Precision::F64);
-            let controls = Controls::Noise { seed: 3 };
+            let controls = Controls::Noise { seed: 3, scale: 1.0 };
             let rollout = Rollout { nstep: 50, controls, outputs, statistics, ..Rollout::default() };
             worlds.rollout(&rollout).expect("a rollout");
             worlds.state_hash()

@@ -19,7 +19,7 @@ fn batch(model: &Model, on_diverge: OnDiverge) -> Worlds {
 }
 
 fn run(worlds: &mut Worlds, nstep: usize) -> Result<(), Error> {
-    worlds.rollout(&Rollout { nstep, controls: Controls::Noise { seed: 5 }, ..Rollout::default() }).map(|_| ())
+    worlds.rollout(&Rollout { nstep, controls: Controls::Noise { seed: 5, scale: 1.0 }, ..Rollout::default() }).map(|_| ())
 }
 
 /// Bits of everything that a world keeps.
@@ -188,7 +188,7 @@ fn frozen_worlds_are_the_same_in_any_company() {
         for world in victims {
             worlds.set(Field::Qvel, *world, &[1e12; 14]).expect("a state");
         }
-        let run = Rollout { nstep: 4, controls: Controls::Noise { seed: 2 }, outputs, ..Rollout::default() };
+        let run = Rollout { nstep: 4, controls: Controls::Noise { seed: 2, scale: 1.0 }, outputs, ..Rollout::default() };
         let result = worlds.rollout(&run).expect("a rollout");
         assert_eq!(worlds.lost(), victims.len());
         let share = |all: &Vec<f64>| all[VICTIM * all.len() / WORLDS..(VICTIM + 1) * all.len() / WORLDS].to_vec();
@@ -229,7 +229,7 @@ fn residuals_say_how_well_a_solver_has_done() {
     for (solver, tolerance, bound) in [("Newton", "1e-10", 1e-10), ("CG", "1e-9", 1e-9), ("PGS", "1e-14", 1e-4)] {
         let model = load_with("zoo/ant", &[("solver", solver), ("tolerance", tolerance), ("iterations", "2000")]);
         let mut worlds = Worlds::new(&model, 9, &options(Precision::F64, Backend::Auto)).expect("a batch");
-        let controls = Controls::Noise { seed: 1 };
+        let controls = Controls::Noise { seed: 1, scale: 1.0 };
         let run = Rollout { nstep: 120, controls, outputs: &residual, statistics: true, ..Rollout::default() };
         let result = worlds.rollout(&run).expect("a rollout");
         let (most, statistics) = (support::largest(&result.outputs[0]), result.statistics);

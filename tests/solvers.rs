@@ -336,7 +336,7 @@ fn rounding_does_not_keep_newton_busy() {
     for name in ["zoo/humanoid29", "zoo/balls_in_box", "zoo/arm", "zoo/humanoid27"] {
         let iterations = |precision| {
             let mut worlds = Worlds::new(&load(name), 16, &options(precision, Backend::Wide)).expect("worlds");
-            let controls = Controls::Noise { seed: 3 };
+            let controls = Controls::Noise { seed: 3, scale: 1.0 };
             let rollout = Rollout { nstep: 300, controls, statistics: true, ..Rollout::default() };
             let statistics = worlds.rollout(&rollout).expect("a rollout").statistics;
             statistics.block_iterations / statistics.block_steps

@@ -110,7 +110,7 @@ fn noise_depends_on_seed_world_step_and_actuator_alone() {
         let options = Options { threads: Some(threads), backend, ..wide() };
         let mut worlds = Worlds::new(&model, n, &options).expect("a batch");
         let rollout =
-            Rollout { nstep: 25, controls: Controls::Noise { seed }, outputs: &recorded, ..Rollout::default() };
+            Rollout { nstep: 25, controls: Controls::Noise { seed, scale: 1.0 }, outputs: &recorded, ..Rollout::default() };
         worlds.rollout(&rollout).expect("a rollout").outputs
     };
     let base = run(33, 1, Backend::Wide, 7);
@@ -289,7 +289,7 @@ fn nothing_is_a_size_too() {
             let run = worlds
                 .rollout(&Rollout {
                     nstep: 3,
-                    controls: Controls::Noise { seed: 1 },
+                    controls: Controls::Noise { seed: 1, scale: 1.0 },
                     outputs: &recorded,
                     ..Rollout::default()
                 })

@@ -284,11 +284,6 @@ impl Worlds {
         self.go(py, nstep, controls, &outputs, rows, progress)
     }
 
-    /// The same with controls drawn uniformly from their ranges at every step.
-    fn run_noise(&self, py: Python<'_>, nstep: usize, seed: u64, progress: Option<Py<PyAny>>) -> PyResult<()> {
-        self.go(py, nstep, Controls::Noise { seed }, &[], Vec::new(), progress)
-    }
-
     /// Resets the worlds where `mask` is true to a keyframe or to the reference configuration.
     #[pyo3(signature = (mask, key))]
     fn reset(&self, py: Python<'_>, mask: Option<PyReadonlyArray1<'_, bool>>, key: Option<usize>) -> PyResult<()> {

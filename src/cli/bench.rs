@@ -10,11 +10,11 @@ use super::engine::{self, Loaded};
 use super::failure::Failure;
 use super::measure::{Measurement, Plan};
 use super::output::{self, Progress};
-use super::{ModelArgs, RunArgs, count};
+use super::{ModelArgs, RunArgs, count, share};
 
 const ABOUT: &str = "\
-Worlds start from 32 states that were warmed up under uniform control noise for 2 s (at least 500 steps), copied over all
-worlds with a little noise on the velocity; controls are redrawn at every step. The speed is that of a run without
+Worlds start from 32 states that were warmed up under uniform control noise, copied over all worlds with a little noise on the
+velocity; controls are redrawn at every step. The speed is that of a run without
 statistics, residuals and clocks; those come from an equal run before it, which must end in the same state hash. Cycles are
 the clock's: a chain of dependent multiplications tells how fast a core ticks around the runs. The step error is the relative difference
 of the next velocity from the scalar f64 path solved to 1e-12, over 256 states of the run.
@@ -37,6 +37,12 @@ pub struct Bench {
     /// Steps of each world
     #[arg(long, value_name = "T", default_value = "100", value_parser = count)]
     steps: usize,
+    /// Share of their ranges, around the middle, from which controls are drawn at every step
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = share)]
+    noise: f64,
+    /// Steps of the warm-up before [default: 2 s, at least 500 and at most 2000 steps]
+    #[arg(long, value_name = "T")]
+    warm_up: Option<usize>,
     /// Seed of start states and control noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -58,6 +64,8 @@ impl Bench {
             options: self.run.options(),
             nworld: self.worlds,
             nstep: self.steps,
+            warm_up: self.warm_up,
+            noise: self.noise,
             seed: self.seed,
         };
         let progress = Progress::new("bench", plan.total(), self.json);
@@ -87,6 +95,7 @@ impl Bench {
             "isa": m.running.instructions.map_or_else(engine::isa, |set| set.name().to_lowercase()),
             "lanes": m.lanes.0,
             "lane_type": m.lanes.1,
+            "noise": self.noise,
             "seed": self.seed,
             "load_seconds": load_seconds,
             "seconds": m.seconds,

@@ -42,6 +42,10 @@ pub struct Plan<'a> {
     pub nworld: usize,
     /// Steps of each.
     pub nstep: usize,
+    /// Steps of the warm-up, if they are not to follow from the time step.
+    pub warm_up: Option<usize>,
+    /// Share of the control ranges that noise takes.
+    pub noise: f64,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -121,7 +125,7 @@ impl Plan<'_> {
         let bases = self.warm_up()?;
         let run = Rollout {
             nstep: self.nstep,
-            controls: Controls::Noise { seed: self.seed },
+            controls: Controls::Noise { seed: self.seed, scale: self.noise },
             progress: Some(progress),
             ..Rollout::default()
         };
@@ -169,11 +173,11 @@ impl Plan<'_> {
             let velocity = |i| START_VELOCITY * (2.0 * noise::uniform(self.seed, world as u64, 0, i as u64) - 1.0);
             worlds.set(Field::Qvel, world, &(0..nv).map(velocity).collect::<Vec<_>>())?;
         }
-        let steps = (WARM_UP_SECONDS / self.model.tables().options.timestep).ceil() as usize;
+        let enough = (WARM_UP_SECONDS / self.model.tables().options.timestep).ceil() as usize;
         worlds.rollout(&Rollout {
-            nstep: steps.clamp(WARM_UP_STEPS.0, WARM_UP_STEPS.1),
+            nstep: self.warm_up.unwrap_or_else(|| enough.clamp(WARM_UP_STEPS.0, WARM_UP_STEPS.1)),
             // Not the noise of the run itself.
-            controls: Controls::Noise { seed: !self.seed },
+            controls: Controls::Noise { seed: !self.seed, scale: self.noise },
             ..Rollout::default()
         })?;
         let bases = sample(&worlds, n)?;
@@ -208,7 +212,7 @@ impl Plan<'_> {
             }
             worlds.rollout(&Rollout {
                 nstep: 1,
-                controls: Controls::Noise { seed: self.seed },
+                controls: Controls::Noise { seed: self.seed, scale: self.noise },
                 ..Rollout::default()
             })?;
             (0..samples.len())

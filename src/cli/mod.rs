@@ -131,6 +131,12 @@ fn count(text: &str) -> Result<usize, String> {
     if (1..=COUNT_MAX).contains(&n) { Ok(n as usize) } else { Err(format!("must be from 1 to {COUNT_MAX}")) }
 }
 
+/// A share from 0 to 1.
+fn share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("must be from 0 to 1".into()) }
+}
+
 fn name_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
@@ -170,6 +176,14 @@ mod tests {
         assert_eq!(name_value(" gravity = 0 0 -1 "), Ok(("gravity".into(), "0 0 -1".into())));
         assert!(name_value("timestep").is_err());
         assert!(name_value("=3").is_err());
+    }
+
+    #[test]
+    fn shares_have_bounds() {
+        assert_eq!(["0", "0.25", "1"].map(share), [Ok(0.0), Ok(0.25), Ok(1.0)]);
+        for bad in ["-0.1", "1.01", "nan", "inf", "all"] {
+            assert!(share(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]

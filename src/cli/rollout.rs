@@ -13,7 +13,7 @@ use super::arrays::{Dim, Inputs};
 use super::engine::{self, Loaded, set_all, size};
 use super::failure::Failure;
 use super::output::{self, Progress};
-use super::{ModelArgs, RunArgs, count, memory};
+use super::{ModelArgs, RunArgs, count, memory, share};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -39,9 +39,10 @@ pub struct Rollout {
     /// File with controls: array `ctrl` [nworld, nstep, nu]; without it they stay zero, or the keyframe's
     #[arg(long, value_name = "U.npz", value_hint = ValueHint::FilePath)]
     controls: Option<PathBuf>,
-    /// Redraw every control uniformly in its range at every step
-    #[arg(long, conflicts_with = "controls")]
-    noise: bool,
+    /// Redraw every control at every step, uniformly in its range or in a share of it around its middle
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, require_equals = true, default_missing_value = "1",
+          value_parser = share, conflicts_with = "controls")]
+    noise: Option<f64>,
     /// Seed of the noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -77,10 +78,10 @@ impl Rollout {
         let start = Instant::now();
         let result = worlds.rollout(&lanesim::Rollout {
             nstep: self.steps,
-            controls: match &controls {
-                Some(u) => Controls::Given(u),
-                None if self.noise => Controls::Noise { seed: self.seed },
-                None => Controls::Keep,
+            controls: match (&controls, self.noise) {
+                (Some(u), _) => Controls::Given(u),
+                (None, Some(scale)) => Controls::Noise { seed: self.seed, scale },
+                (None, None) => Controls::Keep,
             },
             outputs: &outputs,
             progress: Some(progress.counter()),
