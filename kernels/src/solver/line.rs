@@ -1,4 +1,8 @@
-//! The exact line search along the search direction.
+//! The line search along the search direction.
+//!
+//! Newton's directions want no exact one: a full step is taken if the slope has not grown there (the curvature condition,
+//! Nocedal and Wright, Numerical Optimization, 2006, § 3.1), as that is what ends the iteration once no row changes side. A world
+//! that has not converged after a few such searches goes on with exact ones, with which Newton's method always converges.
 
 use super::{Problem, SolverWork, joints};
 use crate::lane::{Lane, Mask, Real};
@@ -18,7 +22,12 @@ pub struct Trial<M> {
 pub struct Line<L>(pub [L; LINE]);
 
 /// Numbers of a [`Line`].
-pub const LINE: usize = 11;
+pub const LINE: usize = 12;
+
+/// Of Newton's method, the first searches of a solve are rough: they end where the slope is this part of the one at their start.
+const ROUGH: f64 = 0.9;
+/// Number of these searches.
+const ROUGH_SEARCHES: f64 = 6.0;
 
 macro_rules! entries {
     ($($(#[$doc:meta])* $name:ident $set:ident $i:literal;)*) => {
@@ -60,6 +69,8 @@ entries! {
     cold_cost set_cold_cost 9;
     /// Twice the cost with it.
     warm_cost set_warm_cost 10;
+    /// Searches of the solve, with the present one.
+    searches set_searches 11;
 }
 
 impl<L: Lane> Line<L> {
@@ -71,6 +82,7 @@ impl<L: Lane> Line<L> {
     /// Starts the search with a full step.
     #[inline(always)]
     pub fn begin(&mut self) {
+        self.set_searches(self.searches() + L::one());
         self.set_step(L::one());
         self.set_low(L::zero());
         self.set_high(L::of(f64::MAX));
@@ -115,9 +127,15 @@ pub fn probe<L: Lane>(
     let mut sum = [alpha.mul_add(line.curvature(), line.slope()), line.curvature()];
     joints::slope(problem, alpha, y, v, &mut sum);
     let [slope, curvature] = [sum[0] + line.contact_slope(), sum[1] + line.contact_curvature()];
-    // Newton's direction is no worse after a rough search; conjugacy is lost by one.
-    let precision = options.ls_tolerance * if conjugate { 1e-6 } else { 1.0 };
-    let tolerance = line.descent().abs() * L::of(precision.max(8.0 * L::Real::EPSILON));
+    let precision = |part: f64| L::of(part.max(8.0 * L::Real::EPSILON));
+    let precision = if conjugate {
+        // Conjugacy is lost by a rough search.
+        precision(1e-6 * options.ls_tolerance)
+    } else {
+        let rough = line.searches().le(L::of(ROUGH_SEARCHES));
+        L::select(rough, precision(options.ls_tolerance.max(ROUGH)), precision(options.ls_tolerance))
+    };
+    let tolerance = line.descent().abs() * precision;
     open = open & !slope.abs().le(tolerance);
     let falling = slope.lt(L::zero());
     let low = L::select(open & falling, alpha, low);

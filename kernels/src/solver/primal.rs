@@ -1,5 +1,5 @@
 //! The primal problem, minimise over the acceleration: what Newton's method and conjugate gradients share. Both move
-//! along a search direction by an exact line search.
+//! along a search direction by a line search.
 //!
 //! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
 //! the minimum, so the solver knows that it is done.
@@ -114,6 +114,7 @@ pub fn choose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) -> L:
     msearch.fill(L::zero());
     line.set_step(L::zero());
     line.set_curvature(L::zero());
+    line.set_searches(L::zero());
     warm
 }
 
