@@ -98,7 +98,7 @@ pub fn forward<L: LaneQuery>(
         end(Stage::Constraint);
     }
     if runs(Stage::Solver) {
-        let unfinished = solve(instance, state, alive, run.residual, run.code, ws);
+        let unfinished = solve(instance, state, alive, (run.residual, run.keep), run.code, ws);
         status.record(Status::NOT_CONVERGED, L::bits(unfinished & alive));
         end(Stage::Solver);
     }
@@ -209,7 +209,7 @@ fn solve<L: LaneQuery>(
     model: Instance<'_, L>,
     state: &State<L>,
     alive: L::Mask,
-    residual: bool,
+    (residual, keep): (bool, bool),
     code: &mut dyn Code<L>,
     ws: &mut Workspace<L>,
 ) -> L::Mask {
@@ -227,7 +227,7 @@ fn solve<L: LaneQuery>(
         acceleration: &ws.acceleration,
         constraint: &ws.constraint,
     };
-    let unfinished = solver::solve(&problem, &state.qacc_warmstart, alive, code, &mut ws.solver);
+    let unfinished = solver::solve(&problem, &state.qacc_warmstart, alive, keep, code, &mut ws.solver);
     if residual {
         solver::measure_residual(&problem, &mut ws.solver);
     }

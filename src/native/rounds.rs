@@ -200,10 +200,8 @@ impl<L: Block> Rounds for Bound<'_, L> {
         self.contacts(ContactPart::Approach, 0);
     }
 
-    fn polish(&mut self) {
-        self.whole = true;
-        self.part(SolverPart::Polish { filled: self.factor.filled() }, 0);
-        self.contacts(ContactPart::Approach, 0);
+    fn polish(&mut self, open: u32) {
+        self.part(SolverPart::Polish { filled: self.factor.filled() }, open);
     }
 
     fn probe(&mut self, first: bool, open: u32) -> Trial<u32> {

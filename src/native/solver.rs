@@ -68,6 +68,7 @@ pub const NAMES: [&str; ALL.len()] = [
 pub fn masks(part: SolverPart) -> (usize, usize) {
     match part {
         SolverPart::Choose => (0, 1),
+        SolverPart::Polish { .. } => (1, 0),
         SolverPart::Probe { .. } | SolverPart::Gather => (1, 2),
         _ => (0, 0),
     }
@@ -106,8 +107,8 @@ pub const fn fields(part: SolverPart) -> (&'static [Field], usize) {
         SolverPart::Curve => fields!(Hessian, Stiffness; JointY, Axes, Inertia, Joints),
         SolverPart::Descend { .. } => fields!(Search, MSearch, Twist, Line, JointJp, Hessian, Inverse;
             Gradient, Ma, Axes, Inertia, SmoothForce, Joints),
-        SolverPart::Polish { .. } => fields!(Search, MSearch, Twist, Line, JointJp;
-            Hessian, Inverse, Gradient, Ma, Axes, Inertia, SmoothForce, Joints),
+        SolverPart::Polish { .. } => fields!(Qacc, Ma, QfrcConstraint;
+            Hessian, Inverse, Gradient, Inertia, SmoothForce),
         SolverPart::Probe { .. } => fields!(Line; JointY, JointJp, Joints),
         SolverPart::Gather => fields!(QfrcConstraint, Gradient, Qacc, Ma, JointY, JointForce, Wrench;
             Pull, JointJp, Search, MSearch, Line, Axes, SmoothForce, Joints),
@@ -230,7 +231,10 @@ fn run<T: Float>(
         }
         SolverPart::Curve => solver::curve(problem, work),
         SolverPart::Descend { .. } => solver::descend(problem, pattern, work),
-        SolverPart::Polish { .. } => solver::polish(problem, pattern, work),
+        SolverPart::Polish { .. } => {
+            let open = recording.mask_input();
+            solver::polish(problem, pattern, open, work);
+        }
         SolverPart::Probe { first } => {
             let open = recording.mask_input();
             let Trial { open, full } = solver::probe(problem, first, open, work);

@@ -201,12 +201,13 @@ impl<L: Lane> SolverWork<L> {
 
 /// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. `warmstart` is what constraints added to the smooth
 /// acceleration in the last step: with controls that change all the time it says more about this step than the last
-/// acceleration itself. Worlds without active rows keep the smooth acceleration. Returns the lanes that reached the limit
-/// of iterations.
+/// acceleration itself. Worlds without active rows keep the smooth acceleration. Unless `keep`, forces of rows may be those of
+/// the acceleration before a last small step. Returns the lanes that reached the limit of iterations.
 pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,
     warmstart: &[L],
     alive: L::Mask,
+    keep: bool,
     code: &mut dyn Code<L>,
     work: &mut SolverWork<L>,
 ) -> L::Mask {
@@ -216,7 +217,8 @@ pub fn solve<L: LaneQuery>(
     let options = &problem.model.options;
     let left = match options.solver {
         options::Solver::Newton | options::Solver::Cg => {
-            primal::solve(problem, warmstart, alive & constrained, code, work)
+            let rows = keep || options.noslip_iterations > 0;
+            primal::solve(problem, warmstart, alive & constrained, rows, code, work)
         }
         options::Solver::Pgs => pgs::solve(problem, warmstart, alive & constrained, work),
     };

@@ -27,15 +27,29 @@ pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>,
 pub fn descend<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, work: &mut SolverWork<L>) {
     let Solver { hessian, inverse, multipliers, .. } = &mut work.fields;
     ldl::factor(&problem.model.rows, pattern, hessian, inverse, multipliers);
-    polish(problem, pattern, work);
+    search(problem, pattern, &mut work.fields);
+    primal::motion(problem, work);
 }
 
-/// Sets the search direction -H⁻¹g from the factor at hand, and what follows from it.
-pub fn polish<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, work: &mut SolverWork<L>) {
-    let Solver { gradient, search, hessian, inverse, .. } = &mut work.fields;
+/// p = -H⁻¹g from the factor at hand.
+fn search<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Solver<L>) {
+    let Solver { gradient, search, hessian, inverse, .. } = solver;
     for (p, g) in search.iter_mut().zip(gradient.iter()) {
         *p = -*g;
     }
     ldl::solve(&problem.model.rows, pattern, hessian, inverse, search);
-    primal::motion(problem, work);
+}
+
+/// A last step from the factor at hand, in the lanes of `open`. It stays within a quadratic piece, so it leaves no gradient: the
+/// force of the constraints is M a - (smooth force), and rows need not be looked at.
+pub fn polish<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, open: L::Mask, work: &mut SolverWork<L>) {
+    search(problem, pattern, &mut work.fields);
+    let Problem { model, inertia, acceleration, .. } = problem;
+    let Solver { qacc, ma, qfrc_constraint, search, msearch, .. } = &mut work.fields;
+    ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
+    for i in 0..qacc.len() {
+        qacc[i] = L::select(open, qacc[i] + search[i], qacc[i]);
+        ma[i] = L::select(open, ma[i] + msearch[i], ma[i]);
+        qfrc_constraint[i] = L::select(open, ma[i] - acceleration.qfrc_smooth[i], qfrc_constraint[i]);
+    }
 }

@@ -11,11 +11,13 @@ use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::{ldl, tree};
 
 /// Iterates from the smooth acceleration plus `warmstart`, or without it if that costs less, until the lanes of `open` have
-/// converged. Returns the lanes that reached the limit of iterations.
+/// converged. `rows`: whether anyone wants to know what rows do at the end. Returns the lanes that reached the limit of
+/// iterations.
 pub fn solve<L: LaneQuery>(
     problem: &Problem<'_, L>,
     warmstart: &[L],
     open: L::Mask,
+    rows: bool,
     code: &mut dyn Code<L>,
     work: &mut SolverWork<L>,
 ) -> L::Mask {
@@ -25,7 +27,10 @@ pub fn solve<L: LaneQuery>(
     if !code.rounds(problem, warmstart, work, &mut |parts| outcome = Some(iterate(options, open, parts))) {
         outcome = Some(iterate(options, open, &mut PartByPart { problem, warmstart, code, work }));
     }
-    let Some(Outcome { open, niter, rounds }) = outcome else { return L::mask_of(open) };
+    let Some(Outcome { open, niter, rounds, ahead }) = outcome else { return L::mask_of(open) };
+    if rows && ahead != 0 {
+        rows::catch_up(problem, L::mask_of(ahead), work);
+    }
     work.statistics.niter = niter;
     work.statistics.block_niter = rounds;
     L::mask_of(open)

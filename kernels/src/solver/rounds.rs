@@ -14,8 +14,8 @@ pub trait Rounds {
     /// Chooses the search direction in the lanes of `open`, and finds what the line search needs. `first`: there was none
     /// before.
     fn direct(&mut self, first: bool, open: u32);
-    /// The direction from the factor at hand, in single precision: in all lanes that have been open.
-    fn polish(&mut self);
+    /// A last step from the factor at hand, in the lanes of `open`, for single precision. Leaves the rows where they are.
+    fn polish(&mut self, open: u32);
     /// [`probe`](super::probe); finds the slope of contacts there, but for the `first` step, whose slope is known.
     fn probe(&mut self, first: bool, open: u32) -> Trial<u32>;
     /// Moves the lanes of `open` by the step, and finds forces and gradient.
@@ -31,6 +31,8 @@ pub struct Outcome<L: LaneQuery> {
     pub niter: L,
     /// Iterations of the slowest.
     pub rounds: u32,
+    /// Lanes in which the acceleration is the last step ahead of the rows.
+    pub ahead: u32,
 }
 
 /// Iterates until the lanes of `open` have converged.
@@ -53,11 +55,11 @@ pub fn iterate<L: LaneQuery>(options: &Options, open: u32, parts: &mut dyn Round
     }
     // One more Newton step, for single precision: what rounding left in the gradient goes through the factor at hand. That is
     // the factor at their solution for the lanes that took a full step within one quadratic piece.
-    if !conjugate && L::Real::EPSILON > 1e-10 && landed != 0 {
-        parts.polish();
-        parts.follow(landed);
+    let ahead = if !conjugate && L::Real::EPSILON > 1e-10 { landed } else { 0 };
+    if ahead != 0 {
+        parts.polish(ahead);
     }
-    Outcome { open, niter, rounds }
+    Outcome { open, niter, rounds, ahead }
 }
 
 /// Finds the step along the search direction to the minimum, in the lanes of `open`. Returns those that take a full step on
@@ -104,15 +106,14 @@ impl<L: LaneQuery> Rounds for PartByPart<'_, L> {
         rows::approach(problem, *code, work);
     }
 
-    fn polish(&mut self) {
+    fn polish(&mut self, open: u32) {
         let PartByPart { problem, code, work, .. } = self;
         let part = SolverPart::Polish { filled: problem.constraint.cross };
-        if code.solver(part, problem, &[], 0, work).is_none() {
+        if code.solver(part, problem, &[], open, work).is_none() {
             let fill = find_pattern(problem, work);
-            newton::polish(problem, pattern(problem, &fill), work);
+            newton::polish(problem, pattern(problem, &fill), L::mask_of(open), work);
             work.fill = fill;
         }
-        rows::approach(problem, *code, work);
     }
 
     fn probe(&mut self, first: bool, open: u32) -> Trial<u32> {
