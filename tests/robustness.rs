@@ -19,7 +19,9 @@ fn batch(model: &Model, on_diverge: OnDiverge) -> Worlds {
 }
 
 fn run(worlds: &mut Worlds, nstep: usize) -> Result<(), Error> {
-    worlds.rollout(&Rollout { nstep, controls: Controls::Noise { seed: 5, scale: 1.0 }, ..Rollout::default() }).map(|_| ())
+    worlds
+        .rollout(&Rollout { nstep, controls: Controls::Noise { seed: 5, scale: 1.0 }, ..Rollout::default() })
+        .map(|_| ())
 }
 
 /// Bits of everything that a world keeps.
@@ -188,7 +190,8 @@ fn frozen_worlds_are_the_same_in_any_company() {
         for world in victims {
             worlds.set(Field::Qvel, *world, &[1e12; 14]).expect("a state");
         }
-        let run = Rollout { nstep: 4, controls: Controls::Noise { seed: 2, scale: 1.0 }, outputs, ..Rollout::default() };
+        let run =
+            Rollout { nstep: 4, controls: Controls::Noise { seed: 2, scale: 1.0 }, outputs, ..Rollout::default() };
         let result = worlds.rollout(&run).expect("a rollout");
         assert_eq!(worlds.lost(), victims.len());
         let share = |all: &Vec<f64>| all[VICTIM * all.len() / WORLDS..(VICTIM + 1) * all.len() / WORLDS].to_vec();

@@ -109,8 +109,12 @@ fn noise_depends_on_seed_world_step_and_actuator_alone() {
     let run = |n: usize, threads: usize, backend: Backend, seed: u64| {
         let options = Options { threads: Some(threads), backend, ..wide() };
         let mut worlds = Worlds::new(&model, n, &options).expect("a batch");
-        let rollout =
-            Rollout { nstep: 25, controls: Controls::Noise { seed, scale: 1.0 }, outputs: &recorded, ..Rollout::default() };
+        let rollout = Rollout {
+            nstep: 25,
+            controls: Controls::Noise { seed, scale: 1.0 },
+            outputs: &recorded,
+            ..Rollout::default()
+        };
         worlds.rollout(&rollout).expect("a rollout").outputs
     };
     let base = run(33, 1, Backend::Wide, 7);

@@ -45,7 +45,10 @@ pub fn settled(model: &Model, nworld: usize, precision: Precision, threads: usiz
     let options = Options { precision, backend: Backend::Auto, threads: Some(threads), ..Options::default() };
     let new = |n: usize| Worlds::new(model, n, &options).unwrap_or_else(|e| panic!("{e}"));
     let (mut bases, mut worlds) = (new(BASES), new(nworld));
-    run(&mut bases, &Rollout { nstep: SETTLE, controls: Controls::Noise { seed: 2, scale: 1.0 }, ..Rollout::default() });
+    run(
+        &mut bases,
+        &Rollout { nstep: SETTLE, controls: Controls::Noise { seed: 2, scale: 1.0 }, ..Rollout::default() },
+    );
     for world in 0..nworld {
         for field in [Field::Qpos, Field::Qvel, Field::QaccWarmstart] {
             let values = bases.get(field, world % BASES).unwrap_or_else(|e| panic!("{e}"));

@@ -60,17 +60,37 @@ fn bound_calls_run_as_often_as_asked() {
         for _ in 0..3 {
             add(&mut expected[0], x[2]);
             let positive = f64x8::bits(expected[0].gt(f64x8::zero()));
-            assert_eq!(session.run(0, MASK), Some([positive, 0xff]), "{}", isa.name());
-            session.run_each(7, MASK, windows.list(0)).unwrap();
+            assert_eq!(session.run(0, MASK, u32::MAX), Some([positive, 0xff]), "{}", isa.name());
+            session.run_each(7, [MASK, u32::MAX], windows.list(0)).unwrap();
             [(0, 4), (1, 5), (2, 1), (1, 3)].into_iter().for_each(|(to, from)| add(&mut expected_windows[to], x[from]));
         }
         windows.retain(0, |item| item % 2 == 1);
-        session.run_each(7, MASK, windows.list(0)).unwrap();
+        session.run_each(7, [MASK, u32::MAX], windows.list(0)).unwrap();
         [(1, 5), (1, 3)].into_iter().for_each(|(to, from)| add(&mut expected_windows[to], x[from]));
         windows.retain(0, |_| false);
-        session.run_each(7, MASK, windows.list(0)).unwrap();
+        session.run_each(7, [MASK, u32::MAX], windows.list(0)).unwrap();
         assert_same(isa.name(), &y, &expected);
         assert_same(isa.name(), &z, &expected_windows);
+    }
+}
+
+#[test]
+fn parts_of_a_block_without_any_of_the_lanes_are_left_out() {
+    for isa in instruction_sets() {
+        let (x, mut y, mut z) = (ramp(1), ramp(1), ramp(1));
+        // Lanes 4 to 7 are a part of their own where a register holds four.
+        let touched = if isa == InstructionSet::Avx2 { 0xf0 } else { 0xff };
+        let sum = f64x8::select(f64x8::mask_of(touched), y[0] + x[0], y[0]);
+        let (single, each, mut scratch) = (self::sum().compile(isa).unwrap(), sums(isa), Scratch::new());
+        let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y), FieldSlice::write(&mut z)];
+        let mut session = Session::new(&mut scratch, &fields);
+        session.bind(0, &single, [0, 1].into_iter());
+        session.bind_each(1, &each, [0, 2].into_iter());
+        let positive = f64x8::bits(sum.gt(f64x8::zero())) & touched;
+        assert_eq!(session.run(0, u32::MAX, 1 << 5), Some([positive, touched]), "{}", isa.name());
+        assert_eq!(session.run(0, u32::MAX, 0).map(|[_, known]| known), Some(if touched == 0xff { 0xff } else { 0 }));
+        session.run_each(1, [u32::MAX, 1 << 5], list(&[[0, 0]]).list(0)).unwrap();
+        assert_same(isa.name(), &z, &[sum]);
     }
 }
 
@@ -90,8 +110,8 @@ fn calls_stay_bound_as_long_as_their_fields_are_the_same() {
             let fields = [FieldSlice::<f64>::read(&x), FieldSlice::write(&mut y), FieldSlice::read(&longer)];
             let mut session = Session::new(&mut scratch, &fields);
             assert!(session.has(0) && !session.has(1), "but for the one whose field is another");
-            assert!(session.run(0, u32::MAX).is_some());
-            assert_eq!(session.run(1, 0), None);
+            assert!(session.run(0, u32::MAX, u32::MAX).is_some());
+            assert_eq!(session.run(1, 0, u32::MAX), None);
         }
         assert_same(isa.name(), &y, &[x[0] + x[0]]);
         let fields = [FieldSlice::<f64>::read(&x), FieldSlice::read(&y), FieldSlice::write(&mut z)];
@@ -119,7 +139,7 @@ fn what_does_not_fit_is_refused() {
                 let mut scratch = Scratch::new();
                 let mut session = Session::new(&mut scratch, &[FieldSlice::read(&x), FieldSlice::write(&mut y)]);
                 session.bind_each(0, &each, 0..2);
-                session.run_each(0, 0, list(run).list(0)).unwrap();
+                session.run_each(0, [0, u32::MAX], list(run).list(0)).unwrap();
             };
             catch_unwind(AssertUnwindSafe(run)).is_err()
         };

@@ -16,6 +16,8 @@ use super::{ModelCode, solver};
 /// What the type says that holds them: parts for which there is no code are not bound.
 const COMPILED: &str = "all parts have code";
 const BOUND: &str = "a call that was just bound";
+/// All worlds of a block.
+const ALL: u32 = u32::MAX;
 
 /// The pattern of the factor at hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +79,7 @@ impl<'a, L: Block> Bound<'a, L> {
         Some(Bound { code, places, kinds: &constraint.kinds, both, found, factor, whole, session })
     }
 
-    /// Runs a part of the solver.
+    /// Runs a part of the solver for the worlds of `open`, or for more.
     #[inline]
     fn part(&mut self, part: SolverPart, open: u32) -> [u32; 2] {
         let call = match (part, self.factor) {
@@ -85,7 +87,7 @@ impl<'a, L: Block> Bound<'a, L> {
             (SolverPart::Polish { filled: true }, Factor::Filled(place)) => FILLED + 2 * place + 1,
             _ => solver::number(part),
         };
-        match self.session.run(call, open) {
+        match self.session.run(call, open, open) {
             Some(masks) => masks,
             None => self.bind(part, call, open),
         }
@@ -101,12 +103,12 @@ impl<'a, L: Block> Bound<'a, L> {
         };
         let fields = solver::fields(part).0.iter().map(|field| *field as usize);
         self.session.bind(call, fragment.expect(COMPILED), fields);
-        self.session.run(call, open).expect(BOUND)
+        self.session.run(call, open, open).expect(BOUND)
     }
 
-    /// Runs a part of the solver for the contacts that have it.
+    /// Runs a part of the solver for the contacts that have it, with a mask, for the worlds of `lanes`, or for more.
     #[inline]
-    fn contacts(&mut self, part: ContactPart, open: u32) {
+    fn contacts(&mut self, part: ContactPart, masks: [u32; 2]) {
         for place in 0..self.places.present().len() {
             let number = self.places.present()[place];
             let windows = if self.whole { self.places.all(number) } else { self.places.active(number) };
@@ -114,23 +116,23 @@ impl<'a, L: Block> Bound<'a, L> {
                 continue;
             }
             let call = LISTS + contacts::ALL.len() * number + contacts::number(part);
-            if self.session.run_each(call, open, windows).is_none() {
+            if self.session.run_each(call, masks, windows).is_none() {
                 bind_contacts::<L>(&mut self.session, self.code, (part, self.kinds[number]), call);
-                self.session.run_each(call, open, windows).expect(BOUND);
+                self.session.run_each(call, masks, windows).expect(BOUND);
             }
         }
     }
 
-    /// Adds the contacts whose sides both move, and that act in a world of `open`, to the Hessian.
-    fn couple(&mut self, open: u32) {
+    /// Adds the contacts whose sides both move, and that act in a world of `factored`, to the Hessian of the worlds of `open`.
+    fn couple(&mut self, factored: u32, open: u32) {
         let pairs = LISTS + contacts::ALL.len() * self.kinds.len();
-        for row in couplings(self.both).filter(|row| row.lanes & open != 0) {
+        for row in couplings(self.both).filter(|row| row.lanes & factored != 0) {
             let call = pairs + self.code.first_pair[row.pair as usize] as usize;
             let windows = self.places.coupling(row);
-            if self.session.run_each(call, 0, windows).is_none() {
+            if self.session.run_each(call, [0, open], windows).is_none() {
                 let fields = contacts::COUPLE.into_iter().map(|(field, _)| field as usize);
                 self.session.bind_each(call, self.code.couple(row.pair).expect(COMPILED), fields);
-                self.session.run_each(call, 0, windows).expect(BOUND);
+                self.session.run_each(call, [0, open], windows).expect(BOUND);
             }
         }
     }
@@ -175,10 +177,10 @@ fn couplings(rows: &[ContactRow]) -> impl Iterator<Item = &ContactRow> {
 
 impl<L: Block> Rounds for Bound<'_, L> {
     fn start(&mut self) {
-        self.part(SolverPart::Depart, 0);
-        self.contacts(ContactPart::Survey, 0);
-        let [warm, _] = self.part(SolverPart::Choose, 0);
-        self.contacts(ContactPart::Choose, warm);
+        self.part(SolverPart::Depart, ALL);
+        self.contacts(ContactPart::Survey, [0, ALL]);
+        let [warm, _] = self.part(SolverPart::Choose, ALL);
+        self.contacts(ContactPart::Choose, [warm, ALL]);
     }
 
     fn direct(&mut self, _: bool, open: u32) {
@@ -186,18 +188,18 @@ impl<L: Block> Rounds for Bound<'_, L> {
         // In single precision the factor is used once more, for worlds that no longer iterate: it needs all contacts.
         let factored = if L::Real::EPSILON > 1e-10 { u32::MAX } else { open };
         self.whole = factored != open;
-        self.contacts(ContactPart::Stiffen, 0);
+        self.contacts(ContactPart::Stiffen, [0, open]);
         self.whole = false;
         if couplings(self.both).all(|row| row.lanes & factored == 0) {
             self.factor = Factor::Tree;
-            self.part(SolverPart::Turn, 0);
+            self.part(SolverPart::Turn, open);
         } else {
             self.choose_factor(factored);
-            self.part(SolverPart::Curve, 0);
-            self.couple(factored);
-            self.part(SolverPart::Descend { filled: self.factor.filled() }, 0);
+            self.part(SolverPart::Curve, open);
+            self.couple(factored, open);
+            self.part(SolverPart::Descend { filled: self.factor.filled() }, open);
         }
-        self.contacts(ContactPart::Approach, 0);
+        self.contacts(ContactPart::Approach, [0, open]);
     }
 
     fn polish(&mut self, open: u32) {
@@ -206,14 +208,14 @@ impl<L: Block> Rounds for Bound<'_, L> {
 
     fn probe(&mut self, first: bool, open: u32) -> Trial<u32> {
         if !first {
-            self.contacts(ContactPart::Slope, 0);
+            self.contacts(ContactPart::Slope, [0, open]);
         }
         let [open, full] = self.part(SolverPart::Probe { first }, open);
         Trial { open, full }
     }
 
     fn follow(&mut self, open: u32) -> Arrival<u32> {
-        self.contacts(ContactPart::Act, open);
+        self.contacts(ContactPart::Act, [open; 2]);
         let [converged, still] = self.part(SolverPart::Gather, open);
         Arrival { converged, still }
     }

@@ -165,28 +165,34 @@ impl<'a, T: Float> Session<'a, T> {
         call.machine = Some(fragment.machine.clone());
     }
 
-    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns. `None`:
-    /// it is not bound.
+    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns. Of code that
+    /// takes a block part by part, parts without any of `lanes` are left out, and their bits are 0. `None`: it is not bound.
     ///
     /// # Panics
     ///
     /// If the call is one for windows.
     #[inline]
-    pub fn run(&mut self, call: usize, mask: u32) -> Option<[u32; MASKS]> {
+    pub fn run(&mut self, call: usize, mask: u32, lanes: u32) -> Option<[u32; MASKS]> {
         let (call, machine, slots) = self.call(call)?;
         assert!(call.columns == 0, "code for windows");
         // SAFETY: as in `Fragment::run`: `put` has compared the fields, and `call` vouches for the rest.
-        Some(run_parts::<T>((call, machine), slots, mask, |code, arguments| unsafe { code.run(arguments) }))
+        Some(run_parts::<T>((call, machine), slots, [mask, lanes], |code, arguments| unsafe { code.run(arguments) }))
     }
 
-    /// Runs a call for windows, with the bits of a mask, for code that takes one. `None`: it is not bound.
+    /// Runs a call for windows, with the bits of a mask, for code that takes one, and without parts of the block that have none of
+    /// `lanes`. `None`: it is not bound.
     ///
     /// # Panics
     ///
     /// If the call is not one for windows of so many columns, or an item may start so late that a window does not lie within its
     /// field.
     #[inline]
-    pub fn run_each<const N: usize>(&mut self, call: usize, mask: u32, windows: WindowsList<'_, N>) -> Option<()> {
+    pub fn run_each<const N: usize>(
+        &mut self,
+        call: usize,
+        [mask, lanes]: [u32; 2],
+        windows: WindowsList<'_, N>,
+    ) -> Option<()> {
         let (call, machine, slots) = self.call(call)?;
         assert!(call.columns == N && N > 0, "code for windows of other columns");
         // Without a branch for every column.
@@ -196,7 +202,7 @@ impl<'a, T: Float> Session<'a, T> {
         if !windows.is_empty() {
             // SAFETY: as in `Fragment::run_each`: `put` has compared the fields, which have room for windows from all starts
             // of the list, and `call` vouches for the rest.
-            run_parts::<T>((call, machine), slots, mask, |code, arguments| unsafe {
+            run_parts::<T>((call, machine), slots, [mask, lanes], |code, arguments| unsafe {
                 code.run_each(arguments, windows.offsets.as_flattened());
             });
         }
@@ -213,19 +219,25 @@ impl<'a, T: Float> Session<'a, T> {
     }
 }
 
-/// Runs a call on all parts of the block.
+/// Runs a call on the parts of the block that have some of the lanes.
 #[inline(always)]
 fn run_parts<T: Float>(
     (call, machine): (&Bound, &Machine),
     slots: *mut u8,
-    mask: u32,
+    [mask, wanted]: [u32; 2],
     run: impl Fn(&Code, &Arguments),
 ) -> [u32; MASKS] {
     let isa = call.isa;
     let lanes = isa.vector_bytes() / T::PRECISION.bytes();
     let slots = slots.wrapping_add(super::bias(isa, isa.vector_bytes()));
     let mut masks = call.known;
-    for part in 0..BLOCK_BYTES / isa.vector_bytes() {
+    let parts = BLOCK_BYTES / isa.vector_bytes();
+    for part in 0..parts {
+        let mine = ((1 << lanes) - 1) << (part * lanes);
+        if parts > 1 && wanted & mine == 0 {
+            masks.iter_mut().for_each(|mask| *mask &= !mine);
+            continue;
+        }
         let fields = call.addresses[part * call.fields..].as_ptr().cast();
         let (given, mut returned) = ([mask >> (part * lanes)], [0; MASKS]);
         let (masks_in, masks_out) = (given.as_ptr(), returned.as_mut_ptr());
