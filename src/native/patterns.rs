@@ -38,8 +38,8 @@ pub struct Patterns<T> {
 /// A pattern and its code.
 struct Filled<T> {
     pattern: Pattern,
-    /// Columns of each row.
-    bits: Vec<u64>,
+    /// The pairs of links that it has room for. It has room for any of them together, since nothing more can fill in.
+    room: Joined,
     operations: usize,
     descend: Part<T>,
     polish: Part<T>,
@@ -72,27 +72,43 @@ impl<T: Float> Patterns<T> {
     }
 
     /// The place of a pattern that has room for the joined pairs; `None`: the fullest.
-    fn find(&self, model: &Model<T>, joined: &Joined, fill: &mut Fill, bits: &mut Vec<u64>) -> Option<usize> {
+    fn find(&self, model: &Model<T>, joined: &Joined, fill: &mut Fill) -> Option<usize> {
+        let made = || self.slots.iter().map_while(OnceLock::get).enumerate();
+        let best = || {
+            let fits = made().filter(|(_, filled)| joined.iter().zip(filled.room).all(|(mine, its)| mine & !its == 0));
+            fits.min_by_key(|(_, filled)| filled.operations)
+        };
+        if made().count() == MOST {
+            return best().map(|(place, _)| place);
+        }
         let present = |number: &usize| joined[number / 64] >> (number % 64) & 1 != 0;
         let pairs = (0..self.pairs.len().min(PAIRS)).filter(present).map(|number| self.pairs[number]);
         fill.find(model, pairs);
-        columns(&fill.pattern, bits);
         let operations = operations_of(&fill.pattern);
         let enough = (operations as f64 * GOOD_ENOUGH) as usize;
         let _filling = self.filling.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || self.slots.iter().map_while(OnceLock::get).enumerate();
-        let fits = |filled: &Filled<T>| bits.iter().zip(&filled.bits).all(|(mine, its)| mine & !its == 0);
-        let best = made().filter(|(_, filled)| fits(filled)).min_by_key(|(_, filled)| filled.operations);
         let free = made().count();
-        match best {
+        match best() {
             Some((place, filled)) if filled.operations <= enough || free == MOST => Some(place),
             _ if free == MOST => None,
             _ => {
-                let (pattern, bits) = (fill.pattern.clone(), bits.clone());
-                let filled = Filled { pattern, bits, operations, descend: Part::new(), polish: Part::new() };
+                let (pattern, room) = (fill.pattern.clone(), self.room(model, &fill.pattern));
+                let filled = Filled { pattern, room, operations, descend: Part::new(), polish: Part::new() };
                 self.slots[free].set(filled).ok().map(|()| free)
             }
         }
+    }
+
+    /// The pairs of links that a pattern has room for.
+    fn room(&self, model: &Model<T>, pattern: &Pattern) -> Joined {
+        let mut room = Joined::default();
+        let has = |i: u32, j: u32| pattern.row(i as usize).iter().any(|run| run.range().contains(&(j as usize)));
+        for (number, pair) in self.pairs.iter().enumerate().take(PAIRS) {
+            let dofs = &model.pair_dofs[model.pairs[*pair as usize].dofs.range()];
+            let coupled = |n: usize| dofs[..n].iter().all(|before| has(dofs[n].dof, before.dof));
+            room[number / 64] |= u64::from((0..dofs.len()).all(coupled)) << (number % 64);
+        }
+        room
     }
 
     /// The code of a part on the pattern of a place.
@@ -107,32 +123,17 @@ impl<T: Float> Patterns<T> {
     }
 }
 
-/// The pattern's columns as bits, row by row.
-fn columns(pattern: &Pattern, bits: &mut Vec<u64>) {
-    let words = pattern.rows.len().div_ceil(64);
-    bits.clear();
-    bits.resize(words * pattern.rows.len(), 0);
-    for i in 0..pattern.rows.len() {
-        for j in pattern.row(i).iter().flat_map(|run| run.range()) {
-            bits[i * words + j / 64] |= 1 << (j % 64);
-        }
-    }
-}
-
 /// A worker's memory of where patterns are.
 pub struct Found {
     /// Asked and answered, at a place that follows from what was asked.
     known: Vec<Option<(Joined, Option<usize>)>>,
     fill: Fill,
-    bits: Vec<u64>,
 }
 
 impl Found {
     /// Nothing yet.
     pub fn new<T: Float>(model: &Model<T>) -> Self {
-        let nv = model.sizes.nv;
-        let bits = Vec::with_capacity(nv.div_ceil(64) * nv);
-        Found { known: vec![None; 512], fill: Fill::new(&model.sizes), bits }
+        Found { known: vec![None; 512], fill: Fill::new(&model.sizes) }
     }
 
     /// The place of a pattern that has room for the joined pairs; `None`: the fullest.
@@ -142,7 +143,7 @@ impl Found {
         match &self.known[place] {
             Some((known, found)) if known == joined => *found,
             _ => {
-                let found = patterns.find(model, joined, &mut self.fill, &mut self.bits);
+                let found = patterns.find(model, joined, &mut self.fill);
                 self.known[place] = Some((*joined, found));
                 found
             }

@@ -50,6 +50,8 @@ pub struct Bound<'a, L: Block> {
     both: &'a [ContactRow],
     found: &'a mut Found,
     factor: Factor,
+    /// The worlds for whose contacts it was chosen; `None`: it was not yet.
+    chosen: Option<u32>,
     /// Whether contacts are worked through that act only in worlds that no longer iterate.
     whole: bool,
     session: Session<'a, L::Float>,
@@ -75,8 +77,8 @@ impl<'a, L: Block> Bound<'a, L> {
             work.fields.pull.fill(L::zero());
         }
         let session = Session::new(scratch, &fields::table(problem, warmstart, work));
-        let (factor, whole) = (Factor::Tree, true);
-        Some(Bound { code, places, kinds: &constraint.kinds, both, found, factor, whole, session })
+        let (factor, chosen, whole) = (Factor::Tree, None, true);
+        Some(Bound { code, places, kinds: &constraint.kinds, both, found, factor, chosen, whole, session })
     }
 
     /// Runs a part of the solver for the worlds of `open`, or for more.
@@ -152,6 +154,9 @@ fn bind_contacts<L: Block>(
 impl<L: Block> Bound<'_, L> {
     /// Chooses the pattern of the factor for contacts that act in a world of `open`.
     fn choose_factor(&mut self, open: u32) {
+        if self.chosen.replace(open) == Some(open) {
+            return;
+        }
         let Bound { code, both, found, factor, .. } = self;
         let tables = &code.tables;
         let act = couplings(both).filter(|row| row.lanes & open != 0);
@@ -191,7 +196,7 @@ impl<L: Block> Rounds for Bound<'_, L> {
         self.contacts(ContactPart::Stiffen, [0, open]);
         self.whole = false;
         if couplings(self.both).all(|row| row.lanes & factored == 0) {
-            self.factor = Factor::Tree;
+            (self.factor, self.chosen) = (Factor::Tree, None);
             self.part(SolverPart::Turn, open);
         } else {
             self.choose_factor(factored);
