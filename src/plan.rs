@@ -136,10 +136,13 @@ impl Plan {
                 part(
                     "  implicit damping",
                     features.implicit_damping,
-                    "a factor of its own".into(),
+                    if features.articulated { "articulated bodies of its own" } else { "a factor of its own" }.into(),
                     "no dof is damped, or eulerdamp is switched off",
                 ),
             ],
+            Stage::Acceleration if features.articulated => {
+                vec![part(name, true, format!("{} dofs, by articulated bodies", sizes.nv), "")]
+            }
             Stage::Inertia | Stage::Acceleration => {
                 vec![part(name, true, format!("{} dofs, {} entries of the matrix", sizes.nv, sizes.nm), "")]
             }

@@ -295,7 +295,7 @@ fn step(options: &Options, tolerances: &Tolerances) {
             let expected = golden.rows(&golden.array(&format!("next/{name}")));
             for (state, (got, expected)) in ours[name].iter().zip(&expected).enumerate() {
                 let place = || format!("{} state {state} next {name}", golden.name);
-                failures.check(place, agree(got, expected, tolerances.step * golden.wider(options), 1.0));
+                failures.check(place, agree(got, expected, tolerances.step, 1.0));
             }
         }
     }

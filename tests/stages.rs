@@ -5,6 +5,7 @@ mod support;
 
 use lanesim::Model;
 use lanesim::convex::SupportCollider;
+use lanesim_kernels::acceleration::articulated::{self, Scratch};
 use lanesim_kernels::code::{Code, Kernels};
 use lanesim_kernels::collision::{Contact, near_pairs, nearest_first};
 use lanesim_kernels::fields::FieldView;
@@ -93,7 +94,10 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
         ("actuation", "length" | "moment") => true,
         ("actuation", _) => model.features.actuation,
-        ("integration", "factor" | "inverse") => model.features.implicit_damping,
+        ("acceleration", "factor") => !model.features.articulated,
+        ("integration", "factor") => model.features.implicit_damping && !model.features.articulated,
+        ("integration", "inverse") => model.features.implicit_damping,
+        (_, "body" | "column") | ("integration", "twist") => false,
         // The joint axis of a free joint is not a thing that exists.
         ("position", "axis") => model.joints.iter().all(|j| j.kind != JointKind::Free),
         _ => true,
@@ -344,6 +348,38 @@ fn the_smooth_acceleration_solves_its_equation() {
             rows.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs())) * support::largest(&ws.acceleration.qacc_smooth);
         assert_agree(&format!("{name} M a"), &force, &ws.acceleration.qfrc_smooth, 1e-12, size);
     }
+}
+
+/// Accelerations by articulated bodies are those by the factor of the inertia matrix, whichever of the two a model takes; M and a
+/// second diagonal, too. Long chains take the former.
+#[test]
+fn articulated_bodies_accelerate_as_the_matrix_says() {
+    for name in all_models() {
+        let model = load(&name);
+        let (tables, world) = (model.tables(), world(&model, &mut Random(31)));
+        let ws = forward(&model, &world);
+        let nv = tables.sizes.nv;
+        for more in [0.0, 0.7] {
+            let mut m = ws.inertia.m.clone();
+            (0..nv).for_each(|i| m[tables.rows.diagonal(i)] += more);
+            let (mut inverse, mut scratch) = (vec![0.0; nv], vec![0.0; nv]);
+            ldl::factor(&tables.rows, &tables.tree_pattern, &mut m, &mut inverse, &mut scratch);
+            let mut expected = ws.acceleration.qfrc_smooth.clone();
+            ldl::solve(&tables.rows, &tables.tree_pattern, &m, &inverse, &mut expected);
+            let (mut body, mut force) =
+                (vec![[f64::NAN; 21]; tables.links.len()], vec![[f64::NAN; 6]; tables.links.len()]);
+            let (mut column, mut inverse) = (vec![[f64::NAN; 6]; nv], vec![f64::NAN; nv]);
+            let scratch = Scratch { body: &mut body, force: &mut force, column: &mut column, inverse: &mut inverse };
+            let mut found = ws.acceleration.qfrc_smooth.clone();
+            let diagonal = |i: usize| tables.dofs[i].armature + more;
+            let singular =
+                articulated::solve(tables, &ws.position.cdof, &ws.inertia.link, diagonal, scratch, &mut found);
+            assert!(!singular, "{name}");
+            assert_agree(&format!("{name} + {more}"), &found, &expected, 1e-9, support::largest(&expected));
+        }
+    }
+    let takes = |name: &str| load(name).tables().features.articulated;
+    assert!(takes("zoo/chain31") && !takes("zoo/hand32") && !takes("zoo/isolated34") && !takes("zoo/humanoid27"));
 }
 
 fn bias(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> Vec<f64> {

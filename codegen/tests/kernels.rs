@@ -59,7 +59,15 @@ impl<L: Lane> Stages<L> {
         acceleration::smooth_force(model, &s.position, &s.velocity, &s.passive, &s.actuation, None, a);
         let singular = acceleration::smooth_acceleration(model.into(), &s.position, &s.inertia, a);
         let forces = [&a.qfrc_smooth[..], &vec![L::zero(); sizes.nv]];
-        integration::euler(model.into(), &s.inertia, qpos, qvel, &a.qacc_smooth, forces, &mut s.integration);
+        integration::euler(
+            model.into(),
+            (&s.position, &s.inertia),
+            qpos,
+            qvel,
+            &a.qacc_smooth,
+            forces,
+            &mut s.integration,
+        );
         (s, [singular, bad])
     }
 

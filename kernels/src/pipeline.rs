@@ -253,7 +253,8 @@ pub fn step<L: LaneQuery>(
         let Solver { qacc, qfrc_constraint, .. } = &ws.solver.fields;
         let forces = [&smooth.qfrc_smooth[..], qfrc_constraint];
         let instance = Instance { model, varied: run.varied };
-        integration::euler(instance, &ws.inertia, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
+        let masses = (&ws.position, &ws.inertia);
+        integration::euler(instance, masses, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
         L::bits(commit(model, &ws.integration, [qacc, &smooth.qacc_smooth], L::zero(), alive, state))
     });
     let lost = status.alive & !good;

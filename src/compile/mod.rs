@@ -23,6 +23,7 @@ mod rows;
 mod tests;
 
 use glam::DVec3;
+use lanesim_kernels::acceleration::articulated;
 use lanesim_kernels::collision::levers;
 use lanesim_kernels::model::{self as kernel, Features, Sizes};
 use lanesim_kernels::options::Options;
@@ -116,7 +117,10 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         links: links.links.clone(),
     };
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
-    let tables = kernel::Model { tree_pattern, levers, ..tables };
+    let mut tables = kernel::Model { tree_pattern, levers, ..tables };
+    if articulated::pays(&tables) {
+        (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
+    }
     let arrays = arrays::arrays(&arrays::Sources {
         spec,
         scene: &scene,
@@ -219,6 +223,7 @@ fn sizes(scene: &Scene, links: &Links, actuators: &Actuators, pairs: &pairs::Pai
         ncollider: pairs.geoms.len(),
         nslot: pairs.nslot,
         nm,
+        narticulated: 0,
     }
 }
 
@@ -239,5 +244,6 @@ fn features(
         gravcomp: weight && (flags.spring || flags.damper) && links.links.iter().any(|l| l.gravcomp != 0.0),
         actuation: flags.actuation && !actuators.table.is_empty(),
         implicit_damping: damped && flags.damper && flags.eulerdamp,
+        articulated: false,
     }
 }

@@ -6,11 +6,11 @@ use lanesim_codegen::{Float, Fragment, InstructionSet, Program, Recorder, Record
 use lanesim_kernels::code::ContactPart;
 use lanesim_kernels::constraint::{Cone, Constraint, ContactRow, Kind, Law, Strength};
 use lanesim_kernels::lane::Lane;
-use lanesim_kernels::math::spatial::Spatial;
+use lanesim_kernels::math::spatial::{Spatial, Sym6};
 use lanesim_kernels::math::vec3::sub;
 use lanesim_kernels::model::{NONE, Sides};
 use lanesim_kernels::solver::Line;
-use lanesim_kernels::solver::contact::{self, Sym6};
+use lanesim_kernels::solver::contact;
 use lanesim_kernels::solver::edges::{self, EDGE, ELLIPSE};
 
 use super::fields::Field;

@@ -362,7 +362,7 @@ fn grips<L: Lane>(varied: Option<&Varied<L>>) -> &[L] {
 /// Most fields that the smooth stages have.
 const SMOOTH_FIELDS: usize = 64;
 /// Fields of the integration, beside what varies.
-const EULER_FIELDS: usize = 13;
+const EULER_FIELDS: usize = 15;
 /// Fields of the rows on joints, likewise.
 const JOINT_FIELDS: usize = 3;
 
@@ -434,6 +434,8 @@ impl<L: Block> Code<L> for Native<L::Float> {
             FieldSlice::write(&mut state.qacc_warmstart),
             FieldSlice::write(&mut state.time),
             FieldSlice::read(&ws.inertia.m),
+            FieldSlice::read(ws.inertia.link.as_flattened()),
+            FieldSlice::read(ws.position.cdof.as_flattened()),
             FieldSlice::read(&ws.acceleration.qacc_smooth),
             FieldSlice::read(&solver.qacc),
             FieldSlice::read(&ws.acceleration.qfrc_smooth),
@@ -442,6 +444,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
             FieldSlice::write(&mut next.qpos),
             FieldSlice::write(&mut next.qvel),
             FieldSlice::write(&mut next.qacc),
+            FieldSlice::unused(),
             FieldSlice::unused(),
         ];
         parts::varied_fields(varied, readers::EULER, |lanes| {

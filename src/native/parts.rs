@@ -53,7 +53,11 @@ pub fn smooth_fields<'a, L: Lane, T>(
     f(position.rot.as_flattened_mut());
     f(position.cdof.as_flattened_mut());
     f(velocity.cvel.as_flattened_mut());
-    f(&mut inertia.m);
+    if model.features.articulated {
+        f(inertia.link.as_flattened_mut());
+    } else {
+        f(&mut inertia.m);
+    }
     f(&mut acceleration.qfrc_smooth);
     f(&mut acceleration.qacc_smooth);
     f(&mut acceleration.inverse);
@@ -155,18 +159,23 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind, varying: Quantities)
     binder.recording.finish()
 }
 
-/// Fields: qpos, qvel, warm start, time, all of which change; M, smooth acceleration, qacc, smooth force, force of
+/// Fields: qpos, qvel, warm start, time, all of which change; M, spatial inertias of links, dof axes, smooth acceleration, qacc, smooth force, force of
 /// constraints; a zero; next qpos, next qvel, acceleration over the step; what varies. Masks: worlds that are alive; worlds
 /// that take the next state.
 pub fn euler<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);
+    let mut position = Position::new(&model.sizes);
     let mut inertia = Inertia::new(&model.sizes);
+    let masses = [&mut inertia.m, inertia.link.as_flattened_mut(), position.cdof.as_flattened_mut()];
     let mut vectors: [_; 4] = std::array::from_fn(|_| vec![Recorder::zero(); model.sizes.nv]);
     let State { qpos, qvel, qacc_warmstart, time, .. } = &mut state;
-    for lanes in [qpos, qvel, qacc_warmstart, time, &mut inertia.m].into_iter().chain(&mut vectors) {
+    for lanes in [qpos, qvel, qacc_warmstart, time] {
         binder.input(lanes);
     }
+    masses.into_iter().chain(vectors.iter_mut().map(Vec::as_mut_slice)).for_each(|lanes| {
+        binder.input(lanes);
+    });
     let zero = binder.recording.uniform(binder.next, 1)[0];
     let next_field = binder.next + 1;
     binder.next += 4;
@@ -175,7 +184,8 @@ pub fn euler<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     let mut next = Integration::new(&Stage::Integration.sizes(model));
     let [qacc_smooth, qacc, smooth, constraint] = vectors.each_ref().map(Vec::as_slice);
     let instance = Instance { model, varied: varied.as_ref() };
-    integration::euler(instance, &inertia, &state.qpos, &state.qvel, qacc, [smooth, constraint], &mut next);
+    let masses = (&position, &inertia);
+    integration::euler(instance, masses, &state.qpos, &state.qvel, qacc, [smooth, constraint], &mut next);
     let good = pipeline::commit(model, &next, [qacc, qacc_smooth], zero, alive, &mut state);
     for (field, lanes) in [&state.qpos, &state.qvel, &state.qacc_warmstart, &state.time].into_iter().enumerate() {
         binder.recording.output(field, lanes);

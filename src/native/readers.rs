@@ -21,7 +21,7 @@ pub const SMOOTH: Quantities = Quantities::of(&[
     Quantity::Armature,
 ]);
 /// What the integration reads.
-pub const EULER: Quantities = Quantities::of(&[Quantity::Damping]);
+pub const EULER: Quantities = Quantities::of(&[Quantity::Damping, Quantity::Armature]);
 
 /// What rows on joints read.
 pub const JOINTS: Quantities = Quantities::of(&[Quantity::LimitWeight, Quantity::Regulariser]);

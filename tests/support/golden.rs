@@ -4,13 +4,9 @@ use std::collections::BTreeMap;
 
 use lanesim::eval::eval;
 use lanesim::npz::{self, Array};
-use lanesim::{Model, Options, Precision};
+use lanesim::{Model, Options};
 
 use super::{all_models, load_with, repository};
-
-/// In single precision: models whose accelerations may be further away, and by what factor. The condition number of the
-/// inertia matrix of thirty-one links in a row is 1e7.
-const F32_WIDER: [(&str, f64); 1] = [("zoo/chain31", 20.0)];
 
 /// A model with what MuJoCo computed for it.
 pub struct Golden {
@@ -60,12 +56,6 @@ impl Golden {
         let n = self.states();
         let width = array.len() / n;
         (0..n).map(|i| array[i * width..(i + 1) * width].to_vec()).collect()
-    }
-
-    /// By what factor accelerations may be further away in this precision.
-    pub fn wider(&self, options: &Options) -> f64 {
-        let own = F32_WIDER.iter().find(|(name, _)| *name == self.name);
-        own.filter(|_| options.precision == Precision::F32).map_or(1.0, |(_, factor)| *factor)
     }
 
     /// Our results, by field.

@@ -1,5 +1,7 @@
 //! Smooth acceleration: what the worlds would do without constraints, a₀ = M⁻¹(passive + actuator + applied - bias).
 
+pub mod articulated;
+
 use crate::actuation::Actuation;
 use crate::fields::fields;
 use crate::inertia::Inertia;
@@ -21,7 +23,7 @@ fields! {
         pub qfrc_smooth: Vec<L> = sizes.nv,
         /// Factor U = D L of M = Lᵀ D L, with D on the diagonal.
         pub factor: Vec<L> = sizes.nm,
-        /// D⁻¹.
+        /// D⁻¹, that of the articulated bodies where there is no factor.
         pub inverse: Vec<L> = sizes.nv,
         /// Scratch of the factorisation.
         pub multipliers: Vec<L> = sizes.nv,
@@ -29,6 +31,10 @@ fields! {
         pub residual: Vec<L> = sizes.nv,
         /// Scratch of the refinement: per link, its acceleration, then the force for it.
         pub twist: Vec<[L; 6]> = sizes.nlink,
+        /// Scratch without M: inertias of articulated bodies.
+        pub body: Vec<[L; 21]> = sizes.narticulated,
+        /// Scratch without M: per dof, such an inertia times its axis.
+        pub column: Vec<[L; 6]> = if sizes.narticulated > 0 { sizes.nv } else { 0 },
         /// Acceleration without constraints.
         pub qacc_smooth: Vec<L> = sizes.nv,
     } L
@@ -76,14 +82,19 @@ fn body_forces<L: Lane>(model: &Model<L::Real>, position: &Position<L>, xfrc: &[
     }
 }
 
-/// Factors M and solves for the smooth acceleration. Returns the lanes in which M was singular.
+/// Factors M and solves for the smooth acceleration, or finds it by articulated bodies. Returns the lanes in which M was singular.
 pub fn smooth_acceleration<L: Lane>(
     model: Instance<'_, L>,
     position: &Position<L>,
     inertia: &Inertia<L>,
     acceleration: &mut Acceleration<L>,
 ) -> L::Mask {
-    let Acceleration { qfrc_smooth, factor, inverse, multipliers, qacc_smooth, .. } = acceleration;
+    let Acceleration { qfrc_smooth, factor, inverse, multipliers, twist, body, column, qacc_smooth, .. } = acceleration;
+    if model.features.articulated {
+        qacc_smooth.copy_from_slice(qfrc_smooth);
+        let scratch = articulated::Scratch { body, force: twist, column, inverse };
+        return articulated::solve(&model, &position.cdof, &inertia.link, |i| model.armature(i), scratch, qacc_smooth);
+    }
     factor.copy_from_slice(&inertia.m);
     let singular = ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
     qacc_smooth.copy_from_slice(qfrc_smooth);

@@ -1,5 +1,6 @@
 //! Integration: semi-implicit Euler, with joint damping taken implicitly when the model asks for it.
 
+use crate::acceleration::articulated;
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::Lane;
@@ -7,6 +8,7 @@ use crate::math::ldl;
 use crate::math::quat;
 use crate::model::{Instance, JointKind, Model};
 use crate::passive::damper_slope;
+use crate::position::Position;
 
 fields! {
     /// The next state, before it is committed, and the damped inertia that leads to it.
@@ -23,6 +25,12 @@ fields! {
         pub inverse: Vec<L> = sizes.nv,
         /// Scratch of the factorisation.
         pub multipliers: Vec<L> = sizes.nv,
+        /// Scratch without M, as in [`Acceleration`](crate::acceleration::Acceleration).
+        pub body: Vec<[L; 21]> = sizes.narticulated,
+        /// The same: per link, force, then acceleration.
+        pub twist: Vec<[L; 6]> = sizes.narticulated,
+        /// The same.
+        pub column: Vec<[L; 6]> = if sizes.narticulated > 0 { sizes.nv } else { 0 },
     } L
 }
 
@@ -30,7 +38,7 @@ fields! {
 /// a = `qacc`.
 pub fn euler<L: Lane>(
     model: Instance<'_, L>,
-    inertia: &Inertia<L>,
+    (position, inertia): (&Position<L>, &Inertia<L>),
     qpos: &[L],
     qvel: &[L],
     qacc: &[L],
@@ -40,20 +48,30 @@ pub fn euler<L: Lane>(
     let h = L::of(model.options.timestep);
     out.qacc.copy_from_slice(qacc);
     if model.features.implicit_damping {
-        out.factor.copy_from_slice(&inertia.m);
-        for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
-            let diagonal = &mut out.factor[model.rows.diagonal(i)];
-            *diagonal = h.mul_add(damper_slope(model, i, qvel[i]), *diagonal);
-        }
-        let Integration { factor, inverse, multipliers, .. } = out;
-        ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
         for (i, sum) in out.qacc.iter_mut().enumerate() {
             *sum = forces[0][i] + forces[1][i];
         }
-        ldl::solve(&model.rows, &model.tree_pattern, &out.factor, &out.inverse, &mut out.qacc);
+        let damped = |i: usize, diagonal: L| {
+            let slope = || h.mul_add(damper_slope(model, i, qvel[i]), diagonal);
+            if model.dofs[i].damped { slope() } else { diagonal }
+        };
+        let Integration { factor, inverse, multipliers, body, twist, column, qacc: next, .. } = out;
+        if model.features.articulated {
+            let scratch = articulated::Scratch { body, force: twist, column, inverse };
+            let diagonal = |i| damped(i, model.armature(i));
+            articulated::solve(&model, &position.cdof, &inertia.link, diagonal, scratch, next);
+        } else {
+            factor.copy_from_slice(&inertia.m);
+            for i in 0..inverse.len() {
+                let diagonal = &mut factor[model.rows.diagonal(i)];
+                *diagonal = damped(i, *diagonal);
+            }
+            ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
+            ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, next);
+        }
         if let Some(damped) = model.damped() {
             // The same bits as those of a model without dampers.
-            out.qacc.iter_mut().zip(qacc).for_each(|(a, explicit)| *a = L::select(damped, *a, *explicit));
+            next.iter_mut().zip(qacc).for_each(|(a, explicit)| *a = L::select(damped, *a, *explicit));
         }
     }
     for i in 0..qvel.len() {

@@ -11,6 +11,15 @@ pub type Spatial<L> = [L; 6];
 /// of mass.
 pub type Inertia10<L> = [L; 10];
 
+/// A symmetric 6×6 matrix, lower triangle by rows.
+pub type Sym6<L> = [L; 21];
+
+/// Entry of a symmetric matrix.
+#[inline(always)]
+pub const fn at(i: usize, j: usize) -> usize {
+    if i >= j { i * (i + 1) / 2 + j } else { j * (j + 1) / 2 + i }
+}
+
 /// Rotational part.
 #[inline(always)]
 pub fn rot<L: Lane>(a: &Spatial<L>) -> Vec3<L> {

@@ -2,8 +2,8 @@
 //! translation along a world axis or one rotation through the tree's origin, and take part in every row: they are
 //! spelled out.
 
-use super::spatial::{Spatial, dot6};
-use super::vec3::{scale_add, zero};
+use super::spatial::{Spatial, Sym6, at, dot6};
+use super::vec3::{build, scale_add, zero};
 use crate::lane::Lane;
 use crate::model::{DofKind, Model, NONE};
 
@@ -22,6 +22,24 @@ pub fn project<L: Lane>(model: &Model<L::Real>, cdof: &[Spatial<L>], i: usize, f
 #[inline(always)]
 fn rotation<L: Lane>(s: &Spatial<L>, force: &Spatial<L>) -> L {
     s[2].mul_add(force[2], s[1].mul_add(force[1], s[0] * force[0]))
+}
+
+/// A symmetric matrix times a dof's axis.
+#[inline(always)]
+pub fn times_axis<L: Lane>(k: &Sym6<L>, kind: DofKind, s: &Spatial<L>) -> Spatial<L> {
+    let columns = |r: usize, from: usize, to: usize| {
+        let mut sum = k[at(r, from)] * s[from];
+        for c in from + 1..to {
+            sum = k[at(r, c)].mul_add(s[c], sum);
+        }
+        sum
+    };
+    match kind {
+        DofKind::FreeTranslation(c) => build(|r| k[at(r, 3 + c as usize)]),
+        DofKind::FreeRotation(_) => build(|r| columns(r, 0, 3)),
+        DofKind::Slide => build(|r| columns(r, 3, 6)),
+        DofKind::BallRotation(_) | DofKind::Hinge => build(|r| columns(r, 0, 6)),
+    }
 }
 
 /// Motion of every link whose dofs move with `x`.

@@ -74,6 +74,8 @@ pub struct Sizes {
     pub nslot: usize,
     /// Entries of the inertia matrix's storage (see [`Rows`]).
     pub nm: usize,
+    /// Links of a model whose accelerations are found without that matrix, else 0.
+    pub narticulated: usize,
 }
 
 /// Most entries for which a list is given room in advance. Models in which thousands of pairs could touch at once, and
@@ -106,6 +108,8 @@ pub struct Features {
     pub actuation: bool,
     /// Euler integrates dampers implicitly: some dof is damped, and the flags `damper` and `eulerdamp` are on.
     pub implicit_damping: bool,
+    /// Accelerations are found by articulated bodies, without the inertia matrix.
+    pub articulated: bool,
 }
 
 /// A compiled model, over real type `T`. Made by the compiler of the `lanesim` package; kernels trust its indices.

@@ -10,12 +10,9 @@ use super::{Problem, SolverWork};
 use crate::code::{Code, ContactPart};
 use crate::constraint::{Constraint, ContactRow, Kind, Law};
 use crate::lane::{Lane, LaneQuery};
-use crate::math::spatial::{Spatial, dot6};
+use crate::math::spatial::{Spatial, Sym6, at, dot6};
 use crate::math::vec3::{build, scale_add, sub};
 use crate::model::{NONE, Sides};
-
-/// A symmetric 6×6 matrix, lower triangle by rows.
-pub type Sym6<L> = [L; 21];
 
 /// Listed contacts of one kind.
 #[derive(Clone, Copy, Debug)]
@@ -41,12 +38,6 @@ impl<'a> Contacts<'a> {
         let kind = self.kind;
         self.rows.iter().filter(move |row| row.kind() == kind)
     }
-}
-
-/// Entry of a symmetric matrix.
-#[inline(always)]
-pub const fn at(i: usize, j: usize) -> usize {
-    if i >= j { i * (i + 1) / 2 + j } else { j * (j + 1) / 2 + i }
 }
 
 /// y = W t of a contact, W its motion rows and t the motion of its link.

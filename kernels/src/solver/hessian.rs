@@ -5,15 +5,13 @@
 //! M's sparsity. Contacts whose sides both move add their rows' products.
 
 use super::cone::{self, Stiffness};
-use super::contact::{self, Sym6, at};
+use super::contact;
 use super::{Problem, Solver, SolverWork, joints};
 use crate::code::{Code, SolverPart};
 use crate::constraint::Law;
 use crate::lane::{Lane, LaneQuery};
-use crate::math::spatial::Spatial;
 use crate::math::tree;
-use crate::math::vec3::build;
-use crate::model::{DofKind, NONE, PairDof, Rows, Sides};
+use crate::model::{NONE, PairDof, Rows, Sides};
 
 /// Sums the stiffnesses of contacts whose one side stands still, link by link.
 pub fn collect<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
@@ -106,28 +104,10 @@ fn project_stiffness<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], solver
         if !touched[dof.link as usize] {
             continue;
         }
-        let force = stiffness_times(&stiffness[dof.link as usize], dof.kind, &position.cdof[i]);
+        let force = tree::times_axis(&stiffness[dof.link as usize], dof.kind, &position.cdof[i]);
         tree::project_on_ancestors(model, &position.cdof, i, &force, row, |entry, x| *entry += x);
         if let Some(diagonal) = row.last_mut() {
             *diagonal += tree::project(model, &position.cdof, i, &force);
         }
-    }
-}
-
-/// K times a dof's axis.
-#[inline(always)]
-fn stiffness_times<L: Lane>(k: &Sym6<L>, kind: DofKind, s: &Spatial<L>) -> Spatial<L> {
-    let columns = |r: usize, from: usize, to: usize| {
-        let mut sum = k[at(r, from)] * s[from];
-        for c in from + 1..to {
-            sum = k[at(r, c)].mul_add(s[c], sum);
-        }
-        sum
-    };
-    match kind {
-        DofKind::FreeTranslation(c) => build(|r| k[at(r, 3 + c as usize)]),
-        DofKind::FreeRotation(_) => build(|r| columns(r, 0, 3)),
-        DofKind::Slide => build(|r| columns(r, 3, 6)),
-        DofKind::BallRotation(_) | DofKind::Hinge => build(|r| columns(r, 0, 6)),
     }
 }
