@@ -4,14 +4,14 @@ use std::sync::OnceLock;
 
 use lanesim_codegen::{Float, Fragment, InstructionSet, Program, Recorder, Recording, Windows, WindowsList};
 use lanesim_kernels::code::ContactPart;
-use lanesim_kernels::constraint::{Cone, Constraint, ContactRow, Kind, Law, Strength};
+use lanesim_kernels::constraint::{Constraint, ContactRow, Kind, Law, Strength};
 use lanesim_kernels::lane::Lane;
 use lanesim_kernels::math::spatial::{Spatial, Sym6};
 use lanesim_kernels::math::vec3::sub;
 use lanesim_kernels::model::{NONE, Sides};
 use lanesim_kernels::solver::Line;
 use lanesim_kernels::solver::contact;
-use lanesim_kernels::solver::edges::{self, EDGE, ELLIPSE};
+use lanesim_kernels::solver::edges;
 
 use super::fields::Field;
 
@@ -53,8 +53,7 @@ impl<T: Float> ContactCode<T> {
         let sides = usize::from(kind.sides != Sides::One);
         let place = &self.0[part as usize][18 * sides + 6 * kind.cone as usize + kind.dim as usize - 1];
         let compile = || {
-            let columns: Vec<_> =
-                fields(part, kind.cone).iter().map(|(_, column)| column.map(|c| c as usize)).collect();
+            let columns: Vec<_> = fields(part).iter().map(|(_, column)| column.map(|c| c as usize)).collect();
             let code = record(part, kind, live).compile_each::<COLUMNS>(isa, &columns).ok()?;
             Some(code.named(&format!("{part:?} {:?}", kind.sides)))
         };
@@ -69,7 +68,6 @@ pub enum Column {
     /// Motion rows, of six numbers for a component.
     Motion,
     Component,
-    Edge,
     /// Of six numbers for a link: motions, and forces.
     Link,
     /// The same of the other side's link.
@@ -78,7 +76,7 @@ pub enum Column {
 }
 
 /// Number of columns.
-pub const COLUMNS: usize = 7;
+pub const COLUMNS: usize = 6;
 
 /// Windows of a block's contacts: of every kind a list of all, then of every kind one of those that act in some world that
 /// still iterates.
@@ -195,10 +193,8 @@ pub type Run<'a> = WindowsList<'a, COLUMNS>;
 /// Where the windows of a contact start, by [`Column`].
 fn starts(row: &ContactRow) -> [usize; COLUMNS] {
     let other = if row.other == NONE { 0 } else { row.other };
-    let places = [row.strength, row.component, row.edge, row.link, other];
-    let [strength, component, edge, link, other] = places.map(|x| x as usize);
-    let width = if row.cone == Cone::Ellipse { ELLIPSE } else { EDGE };
-    [7 * strength, 6 * component, component, width * edge, 6 * link, 6 * other, 21 * link]
+    let [strength, component, link, other] = [row.strength, row.component, row.link, other].map(|x| x as usize);
+    [7 * strength, 6 * component, component, 6 * link, 6 * other, 21 * link]
 }
 
 /// The fields of the code that adds a contact to the Hessian, with their columns: see [`solver::couple`](super::solver::couple).
@@ -218,32 +214,28 @@ fn coupling(row: &ContactRow) -> [usize; COUPLED] {
 pub const MOST_FIELDS: usize = 10;
 
 /// The fields of a part, with their windows. Of contacts with one moving side the other's are empty.
-pub fn fields(part: ContactPart, cone: Cone) -> &'static [(Field, Option<Column>)] {
+pub fn fields(part: ContactPart) -> &'static [(Field, Option<Column>)] {
     macro_rules! fields {
         ($($field:ident $column:expr),*) => { &[$((Field::$field, $column)),*] };
     }
     const STRENGTH: Option<Column> = Some(Column::Strength);
     const MOTION: Option<Column> = Some(Column::Motion);
     const COMPONENT: Option<Column> = Some(Column::Component);
-    const EDGE: Option<Column> = Some(Column::Edge);
     const LINK: Option<Column> = Some(Column::Link);
     const OTHER: Option<Column> = Some(Column::Other);
     const STIFFNESS: Option<Column> = Some(Column::Stiffness);
-    match (part, cone) {
-        (ContactPart::Survey, _) => {
+    match part {
+        ContactPart::Survey => {
             fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, ColdTwist LINK, ColdTwist OTHER,
             Twist LINK, Twist OTHER, Jp COMPONENT, Reference COMPONENT, Line None)
         }
-        (ContactPart::Choose, _) => fields!(Y COMPONENT, Jp COMPONENT),
-        (ContactPart::Approach, Cone::Ellipse) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Twist LINK,
-            Twist OTHER, Jp COMPONENT, Ellipses EDGE, Line None),
-        (ContactPart::Approach, _) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Twist LINK, Twist OTHER,
-            Jp COMPONENT, Edges EDGE, Line None),
-        (ContactPart::Slope, Cone::Ellipse) => fields!(Ellipses EDGE, Line None),
-        (ContactPart::Slope, _) => fields!(Edges EDGE, Line None),
-        (ContactPart::Act, _) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Line None, Jp COMPONENT,
+        ContactPart::Choose => fields!(Y COMPONENT, Jp COMPONENT),
+        ContactPart::Approach => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Twist LINK, Twist OTHER,
+            Jp COMPONENT, Line None),
+        ContactPart::Slope => fields!(Strengths STRENGTH, Y COMPONENT, Jp COMPONENT, Line None),
+        ContactPart::Act => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Line None, Jp COMPONENT,
             Force COMPONENT, Wrench LINK, Wrench OTHER),
-        (ContactPart::Stiffen, _) => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Stiffness STIFFNESS),
+        ContactPart::Stiffen => fields!(Strengths STRENGTH, Motion MOTION, Y COMPONENT, Stiffness STIFFNESS),
     }
 }
 
@@ -298,9 +290,12 @@ fn record<T: Float>(part: ContactPart, kind: Kind, live: [bool; 6]) -> Program<T
     let dim = kind.dim as usize;
     let other = if kind.sides == Sides::One { 0 } else { 6 };
     if part == ContactPart::Slope {
-        let (_, edges) = r.list(numbers(kind));
+        let (_, strength): (_, Strength<Recorder<T>>) = r.input();
+        let law = Law { cone: kind.cone, strength: &strength };
+        let (_, y) = r.list(dim);
+        let (_, jp) = r.list(dim);
         let (field, mut line) = r.line();
-        edges::slope(kind.cone, &edges, line.step(), &mut line);
+        edges::slope(law, &y, &jp, line.step(), &mut line);
         r.recording.output(field, &line.0);
         return r.recording.finish();
     }
@@ -339,11 +334,9 @@ fn record<T: Float>(part: ContactPart, kind: Kind, live: [bool; 6]) -> Program<T
         ContactPart::Approach => {
             let twist = twist(&mut r);
             let (jp_field, mut jp) = r.list(dim);
-            let (edges_field, mut edges) = r.list(numbers(kind));
             let (field, mut line) = r.line();
-            contact::approach(law, &w, &twist, &y, &mut jp, &mut edges, &mut line);
+            contact::approach(law, &w, &twist, &y, &mut jp, &mut line);
             r.recording.output(jp_field, &jp);
-            r.recording.output(edges_field, &edges);
             r.recording.output(field, &line.0);
         }
         ContactPart::Act => {
@@ -379,13 +372,4 @@ fn record<T: Float>(part: ContactPart, kind: Kind, live: [bool; 6]) -> Program<T
         ContactPart::Slope | ContactPart::Choose => {}
     }
     r.recording.finish()
-}
-
-/// Numbers that the line search has of a contact.
-fn numbers(kind: Kind) -> usize {
-    match kind.cone {
-        Cone::Ray => EDGE,
-        Cone::Pyramid => 2 * (kind.dim as usize - 1) * EDGE,
-        Cone::Ellipse => ELLIPSE,
-    }
 }

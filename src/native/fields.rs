@@ -36,12 +36,10 @@ pub enum Field {
     Y,
     Jp,
     Force,
-    Edges,
-    Ellipses,
 }
 
 /// Number of fields.
-pub const FIELDS: usize = Field::Ellipses as usize + 1;
+pub const FIELDS: usize = Field::Force as usize + 1;
 
 /// All fields.
 pub type Table<'a, T> = [FieldSlice<'a, T>; FIELDS];
@@ -54,7 +52,7 @@ pub fn table<'a, L: Block>(
     work: &'a mut SolverWork<L>,
 ) -> Table<'a, L::Float> {
     let Problem { position, inertia, acceleration, constraint, .. } = *problem;
-    let SolverWork { fields, y, jp, force, line, edges, .. } = work;
+    let SolverWork { fields, y, jp, force, line, .. } = work;
     let Solver { search, msearch, gradient, qacc, ma, qfrc_constraint, pull, .. } = fields;
     let Solver { twist, cold_twist, wrench, stiffness, hessian, inverse, .. } = fields;
     [
@@ -88,8 +86,6 @@ pub fn table<'a, L: Block>(
         FieldSlice::write(&mut y.component),
         FieldSlice::write(&mut jp.component),
         FieldSlice::write(&mut force.component),
-        FieldSlice::write(edges.contacts.as_flattened_mut()),
-        FieldSlice::write(edges.ellipses.as_flattened_mut()),
     ]
 }
 

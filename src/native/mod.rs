@@ -544,7 +544,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
         work: &mut SolverWork<L>,
     ) -> bool {
         let Some(fragment) = self.code.contact(part, contacts.kind) else { return false };
-        let names = contacts::fields(part, contacts.kind.cone);
+        let names = contacts::fields(part);
         let table = fields::table(problem, &[], work);
         let mut fields: [_; contacts::MOST_FIELDS] = fields::pick(&table, names.iter().map(|(name, _)| *name));
         let windows = self.places.all(contacts.number);

@@ -147,7 +147,7 @@ fn bind_contacts<L: Block>(
     (part, kind): (ContactPart, Kind),
     call: usize,
 ) {
-    let fields = contacts::fields(part, kind.cone).iter().map(|(field, _)| *field as usize);
+    let fields = contacts::fields(part).iter().map(|(field, _)| *field as usize);
     session.bind_each(call, code.contact(part, kind).expect(COMPILED), fields);
 }
 

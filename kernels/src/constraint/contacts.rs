@@ -61,7 +61,7 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
     constraint.contact_rows.clear();
     (constraint.cross, constraint.coupled) = (false, false);
     constraint.contact_lanes = 0;
-    let (mut component, mut jacobian, mut edges, mut ellipses) = (0, 0, 0, 0);
+    let (mut component, mut jacobian) = (0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {
         let pair = &model.pairs[slot.pair as usize];
         let lanes = L::bits(Contact(&collision.found()[slot.place as usize]).dist().lt(L::splat(pair.margin)));
@@ -74,12 +74,10 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
             constraint.coupled = true;
             constraint.cross |= pair.cross;
         }
-        let edge = if common.cone == Cone::Ellipse { &mut ellipses } else { &mut edges };
         let strength = constraint.contact_rows.len() as u32;
-        let row = ContactRow { contact, component, lanes, jacobian, edge: *edge, strength, ..common };
+        let row = ContactRow { contact, component, lanes, jacobian, strength, ..common };
         component += row.dim;
         jacobian += row.dim * pair.dofs.len;
-        *edge += row.edges() as u32;
         constraint.contact_rows.push(row);
     }
     let zero = L::zero();
@@ -103,7 +101,6 @@ pub(super) fn row_of<T>(model: &Model<T>, kinds: &[Kind], number: u32, pair: &Pa
         link: reference(pair),
         other: if pair.sides == Sides::Two { pair.link1 } else { NONE },
         jacobian: 0,
-        edge: 0,
         strength: 0,
         cone: kind.cone,
         number: kinds.iter().position(|known| *known == kind).unwrap_or(kinds.len()) as u32,

@@ -124,8 +124,6 @@ pub struct ContactRow {
     pub other: u32,
     /// First entry of the stored Jacobian (both sides move): dof by dof, the components of each.
     pub jacobian: u32,
-    /// First among the block's edges of rays and pyramids, or place among its elliptic contacts.
-    pub edge: u32,
     /// Entry in the list of strengths.
     pub strength: u32,
     /// Cone.
@@ -184,15 +182,6 @@ impl ContactRow {
     #[inline(always)]
     pub fn kind(&self) -> Kind {
         Kind { sides: self.sides, cone: self.cone, dim: self.dim }
-    }
-
-    /// Number of edges, or of ellipses.
-    #[inline(always)]
-    pub fn edges(&self) -> usize {
-        match self.cone {
-            Cone::Ray | Cone::Ellipse => 1,
-            Cone::Pyramid => 2 * (self.dim as usize - 1),
-        }
     }
 
     /// Its components in the flat arrays.

@@ -92,7 +92,7 @@ pub fn survey<L: Lane>(
     line.set_warm_cost(line.warm_cost() + twice(warm_twist, warm));
 }
 
-/// J p, what the line search wants to know of the contact, and its part of the slope on a full step.
+/// J p, and what the line search wants to know of the contact on a full step.
 #[inline(always)]
 pub fn approach<L: Lane>(
     law: Law<'_, L>,
@@ -100,12 +100,10 @@ pub fn approach<L: Lane>(
     twist: &Spatial<L>,
     y: &[L],
     jp: &mut [L],
-    edges: &mut [L],
     line: &mut Line<L>,
 ) {
     rates(w, twist, jp);
-    edges::of_contact(law, y, jp, edges, line);
-    edges::slope(law.cone, edges, L::one(), line);
+    edges::begin(law, y, jp, line);
 }
 
 /// Moves y along J p in the lanes of `open`.
@@ -215,12 +213,12 @@ pub fn approach_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<
         if code.contact(ContactPart::Approach, contacts, problem, 0, work) {
             continue;
         }
-        let SolverWork { fields, y, jp, edges, line, .. } = work;
+        let SolverWork { fields, y, jp, line, .. } = work;
         for row in contacts.rows() {
             let range = row.components();
             let (w, twist) = (&constraint.motion[range.clone()], relative(&fields.twist, row));
             let (y, jp) = (&y.component[range.clone()], &mut jp.component[range]);
-            approach(constraint.law(row), w, &twist, y, jp, edges.row_mut(row), line);
+            approach(constraint.law(row), w, &twist, y, jp, line);
         }
     }
 }
@@ -231,9 +229,10 @@ pub fn slope_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>,
         if code.contact(ContactPart::Slope, contacts, problem, 0, work) {
             continue;
         }
-        let SolverWork { edges, line, .. } = work;
+        let SolverWork { y, jp, line, .. } = work;
         for row in contacts.rows() {
-            edges::slope(row.cone, edges.row(row), line.step(), line);
+            let (y, jp) = (&y.component[row.components()], &jp.component[row.components()]);
+            edges::slope(problem.constraint.law(row), y, jp, line.step(), line);
         }
     }
 }

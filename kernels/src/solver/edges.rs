@@ -1,23 +1,11 @@
-//! The contacts of an iterate (pyramid edges, elliptic contacts), flat, for the line search.
+//! Rows of contacts (edges of pyramids, elliptic contacts) along the search direction.
 
 use super::line::Line;
-use crate::constraint::{Cone, Constraint, ContactRow, Law, grow};
+use crate::constraint::{Cone, Law};
 use crate::lane::{Lane, Mask, Real};
 
-/// Numbers of an edge.
-pub const EDGE: usize = 3;
-/// Numbers of an elliptic contact.
-pub const ELLIPSE: usize = 7;
-
-/// Along a + α p a one-sided row costs ½ D min(y + α v, 0)².
-#[derive(Clone, Debug)]
-pub struct Edges<L> {
-    /// (y, v, D v) of every edge of a contact, at its place in the list of rows.
-    pub contacts: Vec<[L; EDGE]>,
-    /// Elliptic contacts, at their places in the list: (N, its derivative, T², half its derivative, that one's derivative,
-    /// μ̂, κ).
-    pub ellipses: Vec<[L; ELLIPSE]>,
-}
+/// An edge along a + α p, whose cost is ½ D min(y + α v, 0)²: y, v, D v.
+pub type Edge<L> = [L; 3];
 
 /// An elliptic contact along a + α p: N = n + α dn, T² = uu + 2 α uv + α² vv.
 #[derive(Clone, Copy, Debug)]
@@ -32,16 +20,6 @@ struct Ellipse<L> {
 }
 
 impl<L: Lane> Ellipse<L> {
-    #[inline(always)]
-    fn of([n, dn, uu, uv, vv, mu, kappa]: [L; ELLIPSE]) -> Self {
-        Ellipse { n, dn, uu, uv, vv, mu, kappa }
-    }
-
-    #[inline(always)]
-    fn numbers(&self) -> [L; ELLIPSE] {
-        [self.n, self.dn, self.uu, self.uv, self.vv, self.mu, self.kappa]
-    }
-
     #[inline(always)]
     fn new(law: Law<'_, L>, y: &[L], v: &[L]) -> Self {
         let (mut uu, mut uv, mut vv) = (L::zero(), L::zero(), L::zero());
@@ -85,106 +63,65 @@ impl<L: Lane> Ellipse<L> {
 
 /// Whether a one-sided row keeps acting, or not acting, on a full step.
 #[inline(always)]
-pub(super) fn stays<L: Lane>([y, v, dv]: &[L; EDGE]) -> L::Mask {
+pub(super) fn stays<L: Lane>([y, v, dv]: &Edge<L>) -> L::Mask {
     let zero = L::zero();
     let z = L::one().mul_add(*v, *y);
     let moved = (y.lt(zero) & !z.lt(zero)) | (z.lt(zero) & !y.lt(zero));
     !moved | dv.eq(zero)
 }
 
-/// Writes the edges of a contact, or its ellipse. [`Line::same`] becomes 0 where it leaves its quadratic piece of the cost on a full
-/// step.
-#[inline(always)]
-pub fn of_contact<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], out: &mut [L], line: &mut Line<L>) {
-    let mut stay = L::Mask::splat(true);
-    let mut edge = |out: &mut [L], y: L, v: L| {
-        let edge = [y, v, law.d() * v];
-        stay = stay & stays(&edge);
-        out.copy_from_slice(&edge);
-    };
-    match law.cone {
-        Cone::Ray => edge(out, y[0], v[0]),
-        Cone::Pyramid => {
-            for (out, j) in out.chunks_exact_mut(2 * EDGE).zip(1..y.len()) {
-                let mu = law.friction(j);
-                let (up, down) = out.split_at_mut(EDGE);
-                edge(up, mu.mul_add(y[j], y[0]), mu.mul_add(v[j], v[0]));
-                edge(down, mu.neg_mul_add(y[j], y[0]), mu.neg_mul_add(v[j], v[0]));
-            }
-        }
-        Cone::Ellipse => {
-            let ellipse = Ellipse::new(law, y, v);
-            let ((.., top, bottom), (.., end_top, end_bottom)) = (ellipse.zone(L::zero()), ellipse.zone(L::one()));
-            stay = (top & end_top) | (bottom & end_bottom) | ellipse.kappa.eq(L::zero());
-            out.copy_from_slice(&ellipse.numbers());
-        }
-    }
-    line.set_same(L::select(stay, line.same(), L::zero()));
-}
-
 /// Adds to first and second derivative by α of a one-sided row's cost.
 #[inline(always)]
-pub(super) fn add_slope<L: Lane>([y, v, dv]: &[L; EDGE], alpha: L, [first, second]: &mut [L; 2]) {
+pub(super) fn add_slope<L: Lane>([y, v, dv]: &Edge<L>, alpha: L, [first, second]: &mut [L; 2]) {
     let z = alpha.mul_add(*v, *y);
     *first = z.min(L::zero()).mul_add(*dv, *first);
     *second = L::select(z.lt(L::zero()), dv.mul_add(*v, *second), *second);
 }
 
+/// Calls `f` with the edges of a ray or a pyramid.
+#[inline(always)]
+fn for_each<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], mut f: impl FnMut(&Edge<L>)) {
+    let mut edge = |y: L, v: L| f(&[y, v, law.d() * v]);
+    if law.cone == Cone::Ray {
+        return edge(y[0], v[0]);
+    }
+    for j in 1..y.len() {
+        let mu = law.friction(j);
+        edge(mu.mul_add(y[j], y[0]), mu.mul_add(v[j], v[0]));
+        edge(mu.neg_mul_add(y[j], y[0]), mu.neg_mul_add(v[j], v[0]));
+    }
+}
+
+/// Whether a contact stays in its quadratic piece of the cost on a full step.
+#[inline(always)]
+fn contact_stays<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L]) -> L::Mask {
+    if law.cone == Cone::Ellipse {
+        let ellipse = Ellipse::new(law, y, v);
+        let ((.., top, bottom), (.., end_top, end_bottom)) = (ellipse.zone(L::zero()), ellipse.zone(L::one()));
+        return (top & end_top) | (bottom & end_bottom) | ellipse.kappa.eq(L::zero());
+    }
+    let mut stay = L::Mask::splat(true);
+    for_each(law, y, v, |edge| stay = stay & stays(edge));
+    stay
+}
+
 /// Adds a contact's part to slope and curvature at a step.
 #[inline(always)]
-pub fn slope<L: Lane>(cone: Cone, edges: &[L], alpha: L, line: &mut Line<L>) {
+pub fn slope<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], alpha: L, line: &mut Line<L>) {
     let mut sum = [L::zero(); 2];
-    if cone == Cone::Ellipse {
-        let (list, _) = edges.as_chunks::<ELLIPSE>();
-        for ellipse in list {
-            let (first, second) = Ellipse::of(*ellipse).slope(alpha);
-            sum = [sum[0] + first, sum[1] + second];
-        }
+    if law.cone == Cone::Ellipse {
+        sum = Ellipse::new(law, y, v).slope(alpha).into();
     } else {
-        let (list, _) = edges.as_chunks::<EDGE>();
-        for edge in list {
-            add_slope(edge, alpha, &mut sum);
-        }
+        for_each(law, y, v, |edge| add_slope(edge, alpha, &mut sum));
     }
     line.set_contact_slope(line.contact_slope() + sum[0]);
     line.set_contact_curvature(line.contact_curvature() + sum[1]);
 }
 
-impl<L: Lane> Edges<L> {
-    /// Room for `edges` edges of contacts.
-    pub fn with_capacity(edges: usize) -> Self {
-        Edges { contacts: Vec::with_capacity(edges), ellipses: Vec::with_capacity(edges) }
-    }
-
-    /// Room for the contacts of the constraint's list.
-    pub fn fit(&mut self, constraint: &Constraint<L>) {
-        let end = |cone: &dyn Fn(Cone) -> bool| {
-            let last = constraint.contact_rows.iter().rfind(|row| cone(row.cone));
-            last.map_or(0, |row| row.edge as usize + row.edges())
-        };
-        grow(&mut self.contacts, end(&|cone| cone != Cone::Ellipse), [L::zero(); EDGE]);
-        grow(&mut self.ellipses, end(&|cone| cone == Cone::Ellipse), [L::zero(); ELLIPSE]);
-    }
-
-    /// A contact's edges or its ellipse.
-    #[inline(always)]
-    pub fn row(&self, row: &ContactRow) -> &[L] {
-        let range = row.edge as usize..row.edge as usize + row.edges();
-        if row.cone == Cone::Ellipse {
-            self.ellipses[range].as_flattened()
-        } else {
-            self.contacts[range].as_flattened()
-        }
-    }
-
-    /// The same, to be written.
-    #[inline(always)]
-    pub fn row_mut(&mut self, row: &ContactRow) -> &mut [L] {
-        let range = row.edge as usize..row.edge as usize + row.edges();
-        if row.cone == Cone::Ellipse {
-            self.ellipses[range].as_flattened_mut()
-        } else {
-            self.contacts[range].as_flattened_mut()
-        }
-    }
+/// What the line search wants to know before it begins: adds the contact's part on a full step, and sets [`Line::same`] to 0 where
+/// it leaves its quadratic piece of the cost on it.
+#[inline(always)]
+pub fn begin<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], line: &mut Line<L>) {
+    line.set_same(L::select(contact_stays(law, y, v), line.same(), L::zero()));
+    slope(law, y, v, L::one(), line);
 }

@@ -155,8 +155,6 @@ pub struct SolverWork<L> {
     pub spare: RowVector<L>,
     /// What is known along p.
     pub line: Line<L>,
-    /// Contacts, for the line search.
-    pub edges: edges::Edges<L>,
     /// Force of each edge of the pyramidal contacts, contact by contact (dual solvers and the no-slip pass).
     pub edge_force: Vec<L>,
     /// Inverse inertia in row space (dual solvers and the no-slip pass).
@@ -175,7 +173,6 @@ impl<L: Lane> SolverWork<L> {
         self.y.fit(constraint);
         self.jp.fit(constraint);
         self.force.fit(constraint);
-        self.edges.fit(constraint);
     }
 
     /// Room for the rows that the model can have.
@@ -189,7 +186,6 @@ impl<L: Lane> SolverWork<L> {
             force: RowVector::with_capacity(dof, component),
             spare: RowVector::with_capacity(0, 0),
             line: Line::new(),
-            edges: edges::Edges::with_capacity(2 * component),
             edge_force: Vec::with_capacity(if dual::needed(model) { 2 * component } else { 0 }),
             dual: dual::Dual::new(model, dof, component),
             fill: Fill::new(&sizes),

@@ -55,22 +55,21 @@ pub fn survey_apart<L: Lane>(problem: &Problem<'_, L>, x: &[L], y: &mut [L]) -> 
 /// Of contacts: J p of the search direction p, what the line search wants to know, and their slope on a full step.
 pub fn approach<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
     let constraint = problem.constraint;
-    let SolverWork { fields, y, jp, edges, line, .. } = work;
+    let SolverWork { fields, y, jp, line, .. } = work;
     of_apart(problem, &fields.search, &mut jp.component);
     for row in constraint.apart() {
         let (y, v) = (&y.component[row.components()], &jp.component[row.components()]);
-        let list = edges.row_mut(row);
-        edges::of_contact(constraint.law(row), y, v, list, line);
-        edges::slope(row.cone, list, L::one(), line);
+        edges::begin(constraint.law(row), y, v, line);
     }
     contact::approach_all(problem, code, work);
 }
 
 /// Slope and curvature of contacts at the step that is tried.
 pub fn slope<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let SolverWork { edges, line, .. } = work;
+    let SolverWork { y, jp, line, .. } = work;
     for row in problem.constraint.apart() {
-        edges::slope(row.cone, edges.row(row), line.step(), line);
+        let (y, v) = (&y.component[row.components()], &jp.component[row.components()]);
+        edges::slope(problem.constraint.law(row), y, v, line.step(), line);
     }
     contact::slope_all(problem, code, work);
 }
