@@ -92,8 +92,19 @@ pub struct Places {
     extents: Vec<(usize, usize)>,
     /// Worlds for which the second lists were made; `None`: they were not yet.
     open: Option<u32>,
-    /// Windows of every contact in a list of its own, by [`COUPLE`], if some have a stored Jacobian.
-    couplings: Windows<COUPLED>,
+    /// Contacts with a stored Jacobian, and the windows of each in a list of its own, by [`COUPLE`].
+    couplings: Vec<Coupling>,
+    coupled: Windows<COUPLED>,
+}
+
+/// A contact whose sides both move.
+#[derive(Clone, Copy, Debug)]
+pub struct Coupling {
+    pub pair: u32,
+    /// Worlds in which it acts.
+    pub lanes: u32,
+    /// Its entry in the list of strengths.
+    strength: u32,
 }
 
 impl Places {
@@ -106,7 +117,8 @@ impl Places {
             lanes: Vec::with_capacity(contacts),
             extents: Vec::with_capacity(kinds),
             open: None,
-            couplings: Windows::with_capacity(contacts, contacts),
+            couplings: Vec::with_capacity(contacts),
+            coupled: Windows::with_capacity(contacts, contacts),
         }
     }
 
@@ -132,9 +144,12 @@ impl Places {
             }
         }
         self.couplings.clear();
-        let coupled = constraint.contact_rows.iter().filter(|_| constraint.coupled);
-        for row in coupled {
-            self.couplings.add(std::iter::once(coupling(row)));
+        self.coupled.clear();
+        let moving = constraint.contact_rows.iter().filter(|row| constraint.coupled && row.sides != Sides::One);
+        for row in moving {
+            self.couplings.push(Coupling { pair: row.pair, lanes: row.lanes, strength: row.strength });
+            let places = [7 * row.strength, row.jacobian, row.component].map(|x| x as usize);
+            self.coupled.add(std::iter::once(places));
         }
     }
 
@@ -156,10 +171,21 @@ impl Places {
         self.windows.list(self.kinds + kind)
     }
 
-    /// The windows of a contact with a stored Jacobian, by [`COUPLE`].
+    /// Contacts with a stored Jacobian.
     #[inline(always)]
-    pub fn coupling(&self, row: &ContactRow) -> WindowsList<'_, COUPLED> {
-        self.couplings.list(row.strength as usize)
+    pub fn couplings(&self) -> &[Coupling] {
+        &self.couplings
+    }
+
+    /// The windows of one of these, by [`COUPLE`].
+    #[inline(always)]
+    pub fn coupling(&self, number: usize) -> WindowsList<'_, COUPLED> {
+        self.coupled.list(number)
+    }
+
+    /// The number of a contact among these.
+    pub fn coupling_of(&self, row: &ContactRow) -> Option<usize> {
+        self.couplings.iter().position(|coupling| coupling.strength == row.strength)
     }
 
     /// Leaves the contacts in the second lists that act in some world of `open`, which are fewer from call to call.
@@ -203,12 +229,6 @@ pub const COUPLE: [(Field, Option<usize>); 4] =
 
 /// Number of those columns.
 pub const COUPLED: usize = 3;
-
-/// Where those windows start; of a contact without a Jacobian, which has none, nowhere.
-fn coupling(row: &ContactRow) -> [usize; COUPLED] {
-    let [strength, jacobian, component] = [row.strength, row.jacobian, row.component].map(|x| x as usize);
-    if row.sides == Sides::One { [0; COUPLED] } else { [7 * strength, jacobian, component] }
-}
 
 /// Most fields of a part.
 pub const MOST_FIELDS: usize = 10;

@@ -553,11 +553,12 @@ impl<L: Block> Code<L> for Native<L::Float> {
     }
 
     fn couple(&mut self, problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) -> bool {
-        let Some(fragment) = self.code.couple(row.pair) else { return false };
+        let found = self.code.couple(row.pair).zip(self.places.coupling_of(row));
+        let Some((fragment, number)) = found else { return false };
         let table = fields::table(problem, &[], work);
         let mut fields: [_; contacts::COUPLE.len()] =
             fields::pick(&table, contacts::COUPLE.into_iter().map(|(name, _)| name));
-        fragment.run_each(&mut self.scratch, &mut fields, &[], self.places.coupling(row));
+        fragment.run_each(&mut self.scratch, &mut fields, &[], self.places.coupling(number));
         true
     }
 

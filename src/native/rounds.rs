@@ -2,9 +2,8 @@
 
 use lanesim_codegen::{Block, Scratch, Session};
 use lanesim_kernels::code::{ContactPart, SolverPart};
-use lanesim_kernels::constraint::{ContactRow, Kind};
+use lanesim_kernels::constraint::Kind;
 use lanesim_kernels::lane::Real;
-use lanesim_kernels::model::Sides;
 use lanesim_kernels::options;
 use lanesim_kernels::solver::{Arrival, Problem, Rounds, SolverWork, Trial};
 
@@ -46,8 +45,6 @@ pub struct Bound<'a, L: Block> {
     code: &'a ModelCode<L::Float>,
     places: &'a mut Places,
     kinds: &'a [Kind],
-    /// Contacts whose sides both move, among others; empty: there are none.
-    both: &'a [ContactRow],
     found: &'a mut Found,
     factor: Factor,
     /// The worlds for whose contacts it was chosen; `None`: it was not yet.
@@ -69,8 +66,8 @@ impl<'a, L: Block> Bound<'a, L> {
         let constraint = problem.constraint;
         let newton = problem.model.options.solver == options::Solver::Newton;
         let apart = constraint.between_trees && constraint.apart().next().is_some();
-        let both = if constraint.coupled { &constraint.contact_rows[..] } else { &[] };
-        if !newton || apart || !code.has_rounds() || couplings(both).any(|row| code.couple(row.pair).is_none()) {
+        let coupled = || places.couplings().iter().all(|coupling| code.couple(coupling.pair).is_some());
+        if !newton || apart || !code.has_rounds() || !coupled() {
             return None;
         }
         if constraint.between_trees {
@@ -78,7 +75,7 @@ impl<'a, L: Block> Bound<'a, L> {
         }
         let session = Session::new(scratch, &fields::table(problem, warmstart, work));
         let (factor, chosen, whole) = (Factor::Tree, None, true);
-        Some(Bound { code, places, kinds: &constraint.kinds, both, found, factor, chosen, whole, session })
+        Some(Bound { code, places, kinds: &constraint.kinds, found, factor, chosen, whole, session })
     }
 
     /// Runs a part of the solver for the worlds of `open`, or for more.
@@ -128,12 +125,15 @@ impl<'a, L: Block> Bound<'a, L> {
     /// Adds the contacts whose sides both move, and that act in a world of `factored`, to the Hessian of the worlds of `open`.
     fn couple(&mut self, factored: u32, open: u32) {
         let pairs = LISTS + contacts::ALL.len() * self.kinds.len();
-        for row in couplings(self.both).filter(|row| row.lanes & factored != 0) {
-            let call = pairs + self.code.first_pair[row.pair as usize] as usize;
-            let windows = self.places.coupling(row);
+        for (number, coupling) in self.places.couplings().iter().enumerate() {
+            if coupling.lanes & factored == 0 {
+                continue;
+            }
+            let call = pairs + self.code.first_pair[coupling.pair as usize] as usize;
+            let windows = self.places.coupling(number);
             if self.session.run_each(call, [0, open], windows).is_none() {
                 let fields = contacts::COUPLE.into_iter().map(|(field, _)| field as usize);
-                self.session.bind_each(call, self.code.couple(row.pair).expect(COMPILED), fields);
+                self.session.bind_each(call, self.code.couple(coupling.pair).expect(COMPILED), fields);
                 self.session.run_each(call, [0, open], windows).expect(BOUND);
             }
         }
@@ -157,14 +157,14 @@ impl<L: Block> Bound<'_, L> {
         if self.chosen.replace(open) == Some(open) {
             return;
         }
-        let Bound { code, both, found, factor, .. } = self;
+        let Bound { code, places, found, factor, .. } = self;
         let tables = &code.tables;
-        let act = couplings(both).filter(|row| row.lanes & open != 0);
-        let mut joining = act.filter(|row| tables.pairs[row.pair as usize].cross).peekable();
+        let act = places.couplings().iter().filter(|coupling| coupling.lanes & open != 0);
+        let mut joining = act.filter(|coupling| tables.pairs[coupling.pair as usize].cross).peekable();
         let mut joined = Joined::default();
         let next = if joining.peek().is_none() {
             Factor::Tree
-        } else if joining.all(|row| code.patterns.add(row.pair, &mut joined)) {
+        } else if joining.all(|coupling| code.patterns.add(coupling.pair, &mut joined)) {
             let place = found.find(&code.patterns, tables, &joined);
             let place = place.filter(|place| code.has_pattern(*place));
             place.map_or(Factor::Full, Factor::Filled)
@@ -173,11 +173,6 @@ impl<L: Block> Bound<'_, L> {
         };
         *factor = next;
     }
-}
-
-/// Those of the contacts whose sides both move.
-fn couplings(rows: &[ContactRow]) -> impl Iterator<Item = &ContactRow> {
-    rows.iter().filter(|row| row.sides != Sides::One)
 }
 
 impl<L: Block> Rounds for Bound<'_, L> {
@@ -195,7 +190,7 @@ impl<L: Block> Rounds for Bound<'_, L> {
         self.whole = factored != open;
         self.contacts(ContactPart::Stiffen, [0, open]);
         self.whole = false;
-        if couplings(self.both).all(|row| row.lanes & factored == 0) {
+        if self.places.couplings().iter().all(|coupling| coupling.lanes & factored == 0) {
             (self.factor, self.chosen) = (Factor::Tree, None);
             self.part(SolverPart::Turn, open);
         } else {
