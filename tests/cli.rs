@@ -121,6 +121,8 @@ fn rollout_writes_what_was_asked_for() {
     let scalar = run(&["--controls", &controls, "--states", &states, "--backend", "scalar", "--threads", "1"]);
     assert_eq!(scalar["state_hash"], summary["state_hash"]);
     assert_ne!(run(&["--noise", "--seed", "1"])["state_hash"], run(&["--noise", "--seed", "2"])["state_hash"]);
+    assert_eq!(run(&["--noise=1"])["state_hash"], run(&["--noise"])["state_hash"]);
+    assert_ne!(run(&["--noise=0.5"])["state_hash"], run(&["--noise"])["state_hash"]);
 }
 
 #[test]

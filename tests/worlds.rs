@@ -132,6 +132,31 @@ fn noise_depends_on_seed_world_step_and_actuator_alone() {
     }
 }
 
+#[test]
+fn noise_takes_a_share_of_the_ranges_around_their_middles() {
+    let model = load("zoo/humanoid18");
+    let nu = model.tables().sizes.nu;
+    let run = |scale: f64| {
+        let controls = Controls::Noise { seed: 4, scale };
+        let recorded = outputs(["ctrl"]);
+        let rollout = Rollout { nstep: 50, controls, outputs: &recorded, ..Rollout::default() };
+        worlds(&model, 9).rollout(&rollout)
+    };
+    for scale in [0.0, 0.25, 1.0] {
+        let controls = run(scale).expect("a rollout").outputs.swap_remove(0);
+        let mut widest = 0.0_f64;
+        for (i, u) in controls.iter().enumerate() {
+            let [low, high] = model.control_range(i % nu);
+            widest = widest.max((u - 0.5 * (low + high)).abs() / (0.5 * (high - low)));
+        }
+        assert!(widest <= scale + 1e-15 && widest >= 0.99 * scale, "{scale}: {widest}");
+    }
+    for scale in [-0.1, 1.1, f64::NAN] {
+        let message = run(scale).expect_err("a scale outside its bounds").to_string();
+        assert!(message.contains("expected a number from 0 to 1"), "{message}");
+    }
+}
+
 /// `[nworld, nstep, width]`, state outputs after the step: the same as stepping by hand.
 #[test]
 fn rollouts_record_the_state_after_every_step() {
