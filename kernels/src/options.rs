@@ -119,7 +119,7 @@ pub struct Options {
     pub impratio: f64,
     /// Solver tolerance, scaled (see `solver`).
     pub tolerance: f64,
-    /// Line search tolerance, relative.
+    /// Line search tolerance, relative. The first searches of Newton's method are rougher.
     pub ls_tolerance: f64,
     /// No-slip post-pass tolerance.
     pub noslip_tolerance: f64,

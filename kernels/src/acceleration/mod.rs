@@ -29,7 +29,8 @@ fields! {
         pub multipliers: Vec<L> = sizes.nv,
         /// Scratch of the refinement: what M a₀ leaves of the smooth force.
         pub residual: Vec<L> = sizes.nv,
-        /// Scratch of the refinement: per link, its acceleration, then the force for it.
+        /// Scratch of the refinement: per link, its acceleration, then the force for it; of articulated bodies: force, then
+        /// acceleration.
         pub twist: Vec<[L; 6]> = sizes.nlink,
         /// Scratch without M: inertias of articulated bodies.
         pub body: Vec<[L; 21]> = sizes.narticulated,
