@@ -26,6 +26,7 @@ pub struct Scratch<'a, L> {
 
 /// Whether this takes fewer operations than the inertia matrix and its factor, in a model of which nothing else needs them.
 pub fn pays<T>(model: &Model<T>) -> bool {
+    // Of a dof: K s, U Uᵀ / D, and products with s and U. Of a row of M with n entries: K s, n projections, elimination, solving.
     let entries = |i: usize| model.tree_pattern.row(i).iter().map(|run| run.len as usize).sum::<usize>();
     let of_row = |n: usize| 36 + 6 * n + n * (n + 3) / 2 + 2 * n;
     let matrix: usize = (0..model.sizes.nv).map(|i| of_row(entries(i))).sum();

@@ -151,7 +151,7 @@ pub struct SolverWork<L> {
     pub jp: RowVector<L>,
     /// Force: per dof row, and per contact component.
     pub force: RowVector<L>,
-    /// Forces for the residual; empty until one is asked for.
+    /// Forces at the acceleration found, for the residual and for whoever wants to know them; empty until then.
     pub spare: RowVector<L>,
     /// What is known along p.
     pub line: Line<L>,
@@ -184,7 +184,7 @@ impl<L: Lane> SolverWork<L> {
             y: RowVector::with_capacity(dof, component),
             jp: RowVector::with_capacity(dof, component),
             force: RowVector::with_capacity(dof, component),
-            spare: RowVector::with_capacity(0, 0),
+            spare: RowVector::with_capacity(dof, component),
             line: Line::new(),
             edge_force: Vec::with_capacity(if dual::needed(model) { 2 * component } else { 0 }),
             dual: dual::Dual::new(model, dof, component),

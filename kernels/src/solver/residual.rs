@@ -9,12 +9,9 @@ use crate::math::ldl;
 /// says how much friction's regularisation is missing. Nothing that can be asked for changes, the solver's forces neither.
 pub fn measure_residual<L: LaneQuery>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let Problem { model, inertia, acceleration, constraint, .. } = problem;
-    let Solver { qacc, ma, twist, .. } = &mut work.fields;
-    rows::apply(problem, qacc, twist, &mut work.jp);
-    rows::add_reference(constraint, &mut work.jp);
+    rows::at_acceleration(problem, work);
+    let Solver { qacc, ma, .. } = &mut work.fields;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, qacc, ma);
-    work.spare.fit(constraint);
-    rows::from_y(problem, &work.jp, &mut work.spare);
     swap_results(work);
     rows::transpose(problem, work);
     swap_results(work);

@@ -162,14 +162,19 @@ pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Solve
     Arrival { converged: primal::converged(problem, fields), still }
 }
 
-/// Sets the row forces to those of the acceleration found, in the lanes of `open`.
-pub fn catch_up<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
-    let constraint = problem.constraint;
+/// Sets the spare forces to those that rows have at the acceleration found.
+pub fn at_acceleration<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let Solver { qacc, twist, .. } = &mut work.fields;
     apply(problem, qacc, twist, &mut work.jp);
-    add_reference(constraint, &mut work.jp);
-    work.spare.fit(constraint);
+    add_reference(problem.constraint, &mut work.jp);
+    work.spare.fit(problem.constraint);
     from_y(problem, &work.jp, &mut work.spare);
+}
+
+/// Sets the row forces to those at the acceleration found, in the lanes of `open`.
+pub fn catch_up<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
+    let constraint = problem.constraint;
+    at_acceleration(problem, work);
     let take = |old: &mut [L], new: &[L]| old.iter_mut().zip(new).for_each(|(f, g)| *f = L::select(open, *g, *f));
     take(&mut work.force.dof, &work.spare.dof);
     take(&mut work.force.component, &work.spare.component[..constraint.components]);
