@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lanesim_kernels::code::{Code, Outside};
-use lanesim_kernels::diagnosis;
+use lanesim_kernels::diagnosis::{self, Element};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model as KernelModel, Quantities, Quantity, Varied};
 use lanesim_kernels::pipeline::{self, Run, StageClock};
@@ -206,11 +206,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                     }
                     while block.done < end && !rollout.cancelled() {
                         self.load_controls(rollout, *first_world, block);
-                        // A block of which all worlds are frozen is passed over, unless somebody looks at it.
-                        if block.status.alive != 0 || plan.derived {
-                            self.step_block(rollout, plan, block, worker);
-                        }
-                        self.record(rollout, rows, *worlds, block, worker);
+                        // A block of which all worlds are frozen is passed over.
+                        let some = block.status.alive != 0;
+                        let valid = if some { self.step_block(rollout, plan, block, worker) } else { 0 };
+                        self.record(rollout, rows, (*worlds, valid), block, worker);
                         block.done += 1;
                     }
                 });
@@ -239,34 +238,43 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         worker: &mut Worker<L>,
     ) {
         let Worker { workspace, buffers, code, .. } = worker;
+        let (mut valid, mut solved) = (0, 0);
         if plan.derived {
-            self.check_state(block);
             let before = block.status;
+            let bad = diagnosis::inspect(&self.tables, &block.state, block.applied.as_deref(), &mut block.status);
+            // Nobody's step yet: what cannot be stepped is left out, not frozen.
+            valid = bad.iter().fold(before.alive, |valid, (_, lanes)| valid & !lanes);
+            block.status.alive = valid;
             let mut run = self.run(plan, (block.applied.as_deref(), block.varied.as_deref()), code.as_mut());
-            pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, workspace);
+            let found = pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, workspace);
+            block.status.record(Status::NOT_CONVERGED, found.unfinished);
+            (block.status.alive, solved) = (before.alive, found.lanes);
             if block.status != before {
-                self.note(block, before, workspace);
+                self.note_step(block, before, workspace);
             }
         }
-        let view = View { model: &self.model, tables: &self.tables, block, workspace };
+        let view = View { model: &self.model, tables: &self.tables, block, workspace, valid, solved };
         for (output, rows) in outputs.iter().zip(rows) {
             let width = rows.len() / block.ids.len();
             block.ids.iter().enumerate().for_each(|(lane, id)| output.write(&view, lane, buffers, rows, id * width));
         }
     }
 
-    fn step_block(&self, rollout: &Rollout<'_>, plan: &Plan, block: &mut Block<L>, worker: &mut Worker<L>) {
+    /// Takes a block through a step. Returns the worlds that it did not lose.
+    fn step_block(&self, rollout: &Rollout<'_>, plan: &Plan, block: &mut Block<L>, worker: &mut Worker<L>) -> u32 {
         let before = block.status;
         let Block { state, status, applied, varied, .. } = block;
         let mut run = self.run(plan, (applied.as_deref(), varied.as_deref()), worker.code.as_mut());
         run.clock = rollout.clock.then_some(&mut worker.clock);
         pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
+        let kept = block.status.alive;
         if block.status != before {
-            self.note(block, before, &worker.workspace);
+            self.note_step(block, before, &worker.workspace);
         }
         if rollout.statistics {
             worker.statistics.gather(&worker.workspace, before.alive);
         }
+        kept
     }
 
     fn run<'a>(&self, plan: &Plan, (applied, varied): Outside<'a, L>, code: &'a mut dyn Code<L>) -> Run<'a, L> {
@@ -275,28 +283,49 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         Run { applied, varied, clock: None, max_contacts, convex, stages, residual, code, keep }
     }
 
-    /// Flags what a state from outside should not have. A step leaves no such state.
+    /// Looks at what a block has from outside: flags what is unusual, and freezes or starts again what cannot be stepped. A step
+    /// leaves no such state.
     fn check_state(&self, block: &mut Block<L>) {
         let before = block.status;
-        diagnosis::check_quaternions(&self.tables, &block.state, &mut block.status);
+        for (cause, lanes) in
+            diagnosis::inspect(&self.tables, &block.state, block.applied.as_deref(), &mut block.status)
+        {
+            block.status.record(cause, lanes);
+            block.status.record(Status::FROZEN, lanes);
+            block.status.alive &= !lanes;
+        }
         if block.status != before {
-            block.note(&before, self.steps, &|block, status, lane| {
-                diagnosis::quaternion_element(&self.tables, &block.state, status, lane)
+            self.note(block, before, &|block, status, lane| {
+                diagnosis::element_outside(&self.tables, &block.state, block.applied.as_deref(), status, lane)
             });
         }
     }
 
-    /// Keeps what happened in a step, and starts worlds again that diverged, if that is the policy.
+    /// Keeps what happened in a step that the workspace still holds.
     #[cold]
-    fn note(&self, block: &mut Block<L>, mut before: BlockStatus, workspace: &Workspace<L>) {
+    fn note_step(&self, block: &mut Block<L>, before: BlockStatus, workspace: &Workspace<L>) {
+        self.note(block, before, &|block, status, lane| match status {
+            Status::QUAT_ZERO | Status::QUAT_FAR => {
+                diagnosis::element_outside(&self.tables, &block.state, block.applied.as_deref(), status, lane)
+            }
+            _ => diagnosis::element(&self.tables, &block.state, workspace, status, lane),
+        });
+    }
+
+    /// Keeps what happened, and where, and starts worlds again that diverged, if that is the policy.
+    #[cold]
+    fn note(
+        &self,
+        block: &mut Block<L>,
+        mut before: BlockStatus,
+        element: &dyn Fn(&Block<L>, Status, usize) -> Element,
+    ) {
         let mut lost = before.alive & !block.status.alive;
         if self.restart.is_some() {
             // A world that starts again is not frozen.
             before.record(Status::FROZEN, lost);
         }
-        block.note(&before, self.steps + block.done as u64, &|block, status, lane| {
-            diagnosis::element(&self.tables, &block.state, workspace, status, lane)
-        });
+        block.note(&before, self.steps + block.done as u64, element);
         let Some(key) = &self.restart else { return };
         while lost != 0 {
             block.restart(&self.tables.sizes, lost.trailing_zeros() as usize, key);
@@ -360,17 +389,17 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
-    /// Writes the outputs of a block of which `rows` are those of `worlds` worlds.
+    /// Writes the outputs of a block of which `rows` are those of `worlds` worlds; derived ones where they are `valid`.
     fn record(
         &self,
         rollout: &Rollout<'_>,
         rows: &mut [Rows<'_>],
-        worlds: usize,
+        (worlds, valid): (usize, u32),
         block: &Block<L>,
         worker: &mut Worker<L>,
     ) {
         let Worker { workspace, buffers, .. } = worker;
-        let view = View { model: &self.model, tables: &self.tables, block, workspace };
+        let view = View { model: &self.model, tables: &self.tables, block, workspace, valid, solved: valid };
         for (output, rows) in rollout.outputs.iter().zip(rows) {
             let width = rows.len() / (worlds * rollout.nstep);
             for (lane, id) in block.ids.iter().enumerate() {

@@ -71,6 +71,7 @@ fn place(model: &Model, element: Element) -> String {
             Some(dof) => format!("dof {i} of {}", named("joint", dof.joint, &names.joints)),
             None => format!("dof {i}"),
         },
+        Element::Body(b) => named("body", b, &names.bodies),
         Element::Actuator(a) => named("actuator", a, &names.actuators),
         Element::Pair(p) => {
             let Some(pair) = tables.pairs.get(p as usize) else { return format!("pair {p}") };

@@ -136,9 +136,9 @@ fn a_diverged_world_starts_again_from_nothing() {
     }
     worlds.set_unchecked(Field::Qvel, VICTIM, &[f64::INFINITY; 14]).expect("a world");
     worlds.step(10).expect("steps");
-    // The first step is lost; the other nine are those of a new world.
+    // What came from outside is looked at before the first step: all ten are those of a new world.
     let mut fresh = batch(&model, OnDiverge::Freeze);
-    fresh.step(9).expect("steps");
+    fresh.step(10).expect("steps");
     assert_eq!(bits(&worlds, VICTIM), bits(&fresh, 0));
     let status = worlds.status(VICTIM).expect("a world");
     assert_eq!((status.names(), worlds.lost()), (vec!["NonFiniteVel"], 0));
@@ -154,8 +154,11 @@ fn worlds_start_again_from_a_keyframe() {
     let mut worlds = batch(&model, OnDiverge::Reset { key: Some(0) });
     worlds.set_unchecked(Field::Qpos, VICTIM, &[f64::NAN]).expect("a world");
     worlds.step(1).expect("steps");
-    let get = |field| worlds.get(field, VICTIM).expect("a field")[0];
-    assert_eq!((get(Field::Time), get(Field::Qpos), get(Field::Qvel)), (2.0, 3.0, 4.0));
+    let mut fresh = batch(&model, OnDiverge::Freeze);
+    fresh.reset_all(None, Some(0)).expect("a keyframe");
+    fresh.step(1).expect("steps");
+    assert_eq!(bits(&worlds, VICTIM), bits(&fresh, VICTIM));
+    assert!(worlds.get(Field::Time, VICTIM).expect("a field")[0] > 2.0);
     let missing = Options { on_diverge: OnDiverge::Reset { key: Some(1) }, ..Options::default() };
     assert!(matches!(Worlds::new(&model, 1, &missing), Err(Error::Unknown(_))));
 }
@@ -194,12 +197,22 @@ fn frozen_worlds_are_the_same_in_any_company() {
             Rollout { nstep: 4, controls: Controls::Noise { seed: 2, scale: 1.0 }, outputs, ..Rollout::default() };
         let result = worlds.rollout(&run).expect("a rollout");
         assert_eq!(worlds.lost(), victims.len());
-        let share = |all: &Vec<f64>| all[VICTIM * all.len() / WORLDS..(VICTIM + 1) * all.len() / WORLDS].to_vec();
+        let share = |all: &Vec<f64>| -> Vec<u64> {
+            let row = &all[VICTIM * all.len() / WORLDS..(VICTIM + 1) * all.len() / WORLDS];
+            row.iter().map(|x| x.to_bits()).collect()
+        };
         (result.outputs.iter().map(share).collect::<Vec<_>>(), bits(&worlds, VICTIM))
     };
     let everyone: Vec<usize> = (0..WORLDS).collect();
     let alone = record(&[VICTIM], &outputs);
     assert_eq!(record(&everyone, &outputs), alone);
+    // Its state stays; of what follows from it nothing is said, and its status says why.
+    let [qpos, xpos, qm, ncon, force, status] = &alone.0[..] else { panic!("six outputs") };
+    assert!(qpos.iter().all(|x| f64::from_bits(*x).is_finite()));
+    assert!([xpos, qm, force].into_iter().flatten().all(|x| f64::from_bits(*x).is_nan()));
+    assert!(ncon.iter().all(|x| *x == 0));
+    let expected = f64::from(Status::HUGE_VALUE.0 | Status::FROZEN.0).to_bits();
+    assert!(status.iter().all(|x| *x == expected));
     // Without derived outputs the block is passed over.
     let (recorded, state) = record(&everyone, &outputs[..1]);
     assert_eq!((&recorded[0], state), (&alone.0[0], alone.1));

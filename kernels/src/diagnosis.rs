@@ -1,9 +1,10 @@
 //! What happened to a world, and to which of its elements: the part of a step that runs only when something is wrong.
 
+use crate::acceleration::wild;
 use crate::lane::{LaneQuery, Mask, Real};
 use crate::math::vec3::dot;
 use crate::model::{JointKind, Model};
-use crate::state::{BlockStatus, State, Status};
+use crate::state::{Applied, BlockStatus, State, Status};
 use crate::workspace::Workspace;
 
 /// The element at which something happened.
@@ -15,6 +16,8 @@ pub enum Element {
     Joint(u32),
     /// A degree of freedom.
     Dof(u32),
+    /// A body.
+    Body(u32),
     /// An actuator.
     Actuator(u32),
     /// A pair of geoms, index into [`Model::pairs`].
@@ -24,32 +27,54 @@ pub enum Element {
 /// How far the square of a quaternion's length may be from 1: a length off by 1e-3.
 const FAR: f64 = 2e-3;
 
-/// Freezes the given lanes and records why: a bad state, a bad acceleration, or a value too large.
-pub fn freeze<L: LaneQuery>(state: &State<L>, ws: &Workspace<L>, lost: u32, status: &mut BlockStatus) {
-    let bits_where = |values: &[L], test: fn(L) -> L::Mask| values.iter().fold(0, |bits, x| bits | L::bits(test(*x)));
-    let huge = |x: L| x.within(L::Real::MAX) & !x.within(L::Real::MAXVAL);
-    let (next, qacc) = (&ws.integration, &ws.solver.fields.qacc);
-    let pos = bits_where(&state.qpos, not_finite) & lost;
-    let vel = bits_where(&state.qvel, not_finite) & lost & !pos;
-    let acc = (bits_where(qacc, not_finite) | bits_where(&next.qvel, not_finite)) & lost & !pos & !vel;
-    let large = [&next.qpos, &next.qvel, qacc].iter().fold(0, |bits, x| bits | bits_where(x, huge)) & lost;
-    status.record(Status::NON_FINITE_POS, pos);
-    status.record(Status::NON_FINITE_VEL, vel);
+/// Freezes the lanes that a step lost, of which `wild` did not come to the solver, and records why: an acceleration that cannot be
+/// used, or else a state that is too large.
+pub fn freeze<L: LaneQuery>(ws: &Workspace<L>, lost: u32, wild: u32, status: &mut BlockStatus) {
+    let useless = ws.solver.fields.qacc.iter().fold(0, |bits, a| bits | L::bits(!a.within(L::Real::MAXVAL)));
+    let acc = (useless | wild) & lost;
     status.record(Status::NON_FINITE_ACC, acc);
-    status.record(Status::HUGE_VALUE, large & !pos & !vel & !acc);
+    status.record(Status::HUGE_VALUE, lost & !acc);
     status.record(Status::FROZEN, lost);
     status.alive &= !lost;
 }
 
-/// Flags quaternions of a state from outside that are far from unit length, or have none. Those of a state that a step
-/// left are of unit length.
-pub fn check_quaternions<L: LaneQuery>(model: &Model<L::Real>, state: &State<L>, status: &mut BlockStatus) {
+/// Looks at what came from outside, before it is used: the state, and forces. Flags quaternions that are far from unit length, or
+/// have none; those of a state that a step left are of unit length. Returns the lanes that cannot be stepped, by reason: a
+/// position or a velocity that is not finite, a force that is not, and what is too large.
+pub fn inspect<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &State<L>,
+    applied: Option<&Applied<L>>,
+    status: &mut BlockStatus,
+) -> [(Status, u32); 4] {
     for joint in &model.joints {
         if let Some((short, far)) = quaternion(joint.kind, &state.qpos[joint.qpos as usize..]) {
             status.record(Status::QUAT_ZERO, L::bits(short) & status.alive);
             status.record(Status::QUAT_FAR, L::bits(far) & status.alive);
         }
     }
+    let lanes = |values: &[L], test: &dyn Fn(L) -> L::Mask| values.iter().fold(0, |bits, x| bits | L::bits(test(*x)));
+    let mut left = status.alive;
+    let mut take = |lanes: u32| {
+        let taken = lanes & left;
+        left &= !taken;
+        taken
+    };
+    let forces = applied.map_or([&[][..]; 2], |all| [&all.qfrc_applied, all.xfrc_applied.as_flattened()]);
+    let bad_forces = forces.iter().fold(0, |bits, force| bits | lanes(force, &not_finite));
+    let large = |values: &[L]| lanes(values, &huge);
+    let strong = forces.iter().fold(0, |bits, force| bits | lanes(force, &too_strong));
+    [
+        (Status::NON_FINITE_POS, take(lanes(&state.qpos, &not_finite))),
+        (Status::NON_FINITE_VEL, take(lanes(&state.qvel, &not_finite))),
+        (Status::NON_FINITE_ACC, take(bad_forces)),
+        (Status::HUGE_VALUE, take(large(&state.qpos) | large(&state.qvel) | strong)),
+    ]
+}
+
+/// A force whose square might overflow on its way through a step.
+fn too_strong<L: LaneQuery>(x: L) -> L::Mask {
+    !x.within(L::Real::MAXVAL * L::Real::MAXVAL)
 }
 
 /// Whether a joint's quaternion is as good as zero, and whether it is otherwise far from unit length.
@@ -69,6 +94,10 @@ fn not_finite<L: LaneQuery>(x: L) -> L::Mask {
     !x.within(L::Real::MAX)
 }
 
+fn huge<L: LaneQuery>(x: L) -> L::Mask {
+    !x.within(L::Real::MAXVAL)
+}
+
 /// The element at which `status` happened in a lane, in the step that the workspace still holds.
 pub fn element<L: LaneQuery>(
     model: &Model<L::Real>,
@@ -81,18 +110,13 @@ pub fn element<L: LaneQuery>(
     let first = |values: &[L], test: &dyn Fn(L) -> L::Mask| values.iter().position(|x| holds(test(*x)));
     let dof = |i: Option<usize>| i.map(|i| Element::Dof(i as u32));
     let joint_of = |q: Option<usize>| q.and_then(|q| joint_at(model, q));
-    let (next, qacc) = (&ws.integration, &ws.solver.fields.qacc);
+    // A wild lane has no other acceleration.
+    let wild = holds(wild(&ws.acceleration.qacc_smooth));
+    let (next, qacc) = (&ws.integration, if wild { &ws.acceleration.qacc_smooth } else { &ws.solver.fields.qacc });
     let found = match status {
-        Status::NON_FINITE_POS => joint_of(first(&state.qpos, &not_finite)),
-        Status::NON_FINITE_VEL => dof(first(&state.qvel, &not_finite)),
-        Status::NON_FINITE_ACC => dof(first(qacc, &not_finite)).or_else(|| dof(first(&next.qvel, &not_finite))),
-        Status::HUGE_VALUE => {
-            let huge = |x: L| !x.within(L::Real::MAXVAL);
-            let moves = dof(first(qacc, &huge)).or_else(|| dof(first(&next.qvel, &huge)));
-            moves.or_else(|| joint_of(first(&next.qpos, &huge)))
-        }
-        Status::BAD_CTRL => first(&state.ctrl, &|x| !x.within(L::Real::MAXVAL)).map(|u| Element::Actuator(u as u32)),
-        Status::QUAT_ZERO | Status::QUAT_FAR => Some(quaternion_element(model, state, status, lane)),
+        Status::NON_FINITE_ACC => dof(first(qacc, &not_finite)).or_else(|| dof(first(qacc, &huge))),
+        Status::HUGE_VALUE => dof(first(&next.qvel, &huge)).or_else(|| joint_of(first(&next.qpos, &huge))),
+        Status::BAD_CTRL => first(&state.ctrl, &huge).map(|u| Element::Actuator(u as u32)),
         Status::SINGULAR_INERTIA => {
             // A pivot below MINVAL was replaced by it.
             let clamped = L::one() / L::of(L::Real::MINVAL);
@@ -105,8 +129,7 @@ pub fn element<L: LaneQuery>(
             last.map(|c| Element::Pair(collision.slots[c].pair))
         }
         Status::FROZEN => {
-            let causes = [Status::NON_FINITE_POS, Status::NON_FINITE_VEL, Status::NON_FINITE_ACC, Status::HUGE_VALUE];
-            let mut elements = causes.iter().map(|cause| element(model, state, ws, *cause, lane));
+            let mut elements = CAUSES.iter().map(|cause| element(model, state, ws, *cause, lane));
             elements.find(|element| *element != Element::World)
         }
         _ => None,
@@ -114,21 +137,58 @@ pub fn element<L: LaneQuery>(
     found.unwrap_or(Element::World)
 }
 
-/// The joint at which [`check_quaternions`] flagged a lane.
-pub fn quaternion_element<L: LaneQuery>(
+/// The element at which [`inspect`] flagged a lane.
+pub fn element_outside<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &State<L>,
+    applied: Option<&Applied<L>>,
+    status: Status,
+    lane: usize,
+) -> Element {
+    let first = |values: &[L], test: &dyn Fn(L) -> L::Mask| {
+        values.iter().position(|x| L::bits(test(*x)) >> lane & 1 != 0).map(|i| i as u32)
+    };
+    let force = |test| {
+        let applied = applied?;
+        let body = || first(applied.xfrc_applied.as_flattened(), test).map(|i| Element::Body(i / 6));
+        first(&applied.qfrc_applied, test).map(Element::Dof).or_else(body)
+    };
+    let joint_of = |q: Option<u32>| q.and_then(|q| joint_at(model, q as usize));
+    let found = match status {
+        Status::NON_FINITE_POS => joint_of(first(&state.qpos, &not_finite)),
+        Status::NON_FINITE_VEL => first(&state.qvel, &not_finite).map(Element::Dof),
+        Status::NON_FINITE_ACC => force(&not_finite),
+        Status::HUGE_VALUE => {
+            let moves = first(&state.qvel, &huge).map(Element::Dof);
+            moves.or_else(|| joint_of(first(&state.qpos, &huge))).or_else(|| force(&too_strong))
+        }
+        Status::FROZEN => {
+            let mut elements = CAUSES.iter().map(|cause| element_outside(model, state, applied, *cause, lane));
+            elements.find(|element| *element != Element::World)
+        }
+        _ => quaternion_element(model, state, status, lane),
+    };
+    found.unwrap_or(Element::World)
+}
+
+/// Why a step freezes a world.
+const CAUSES: [Status; 4] =
+    [Status::NON_FINITE_POS, Status::NON_FINITE_VEL, Status::NON_FINITE_ACC, Status::HUGE_VALUE];
+
+/// The joint whose quaternion was flagged in a lane.
+fn quaternion_element<L: LaneQuery>(
     model: &Model<L::Real>,
     state: &State<L>,
     status: Status,
     lane: usize,
-) -> Element {
+) -> Option<Element> {
     let flagged = |kind, qpos: u32| {
         quaternion(kind, &state.qpos[qpos as usize..]).is_some_and(|(short, far)| {
             let mask = if status == Status::QUAT_ZERO { short } else { far };
             L::bits(mask) >> lane & 1 != 0
         })
     };
-    let joint = model.joints.iter().position(|joint| flagged(joint.kind, joint.qpos));
-    joint.map_or(Element::World, |j| Element::Joint(j as u32))
+    model.joints.iter().position(|joint| flagged(joint.kind, joint.qpos)).map(|j| Element::Joint(j as u32))
 }
 
 /// The joint to which a position belongs.

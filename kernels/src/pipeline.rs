@@ -42,6 +42,15 @@ pub struct Run<'a, L> {
     pub keep: bool,
 }
 
+/// What the solver made of a block's worlds, as bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Solved {
+    /// Worlds with which it could work; all that are alive, if it was not wanted.
+    pub lanes: u32,
+    /// Those of them in which it reached its limit of iterations.
+    pub unfinished: u32,
+}
+
 /// The stages that are wanted, from the block's state, for the lanes that are alive.
 pub fn forward<L: LaneQuery>(
     model: &Model<L::Real>,
@@ -49,7 +58,7 @@ pub fn forward<L: LaneQuery>(
     run: &mut Run<'_, L>,
     status: &mut BlockStatus,
     ws: &mut Workspace<L>,
-) {
+) -> Solved {
     let alive = L::mask_of(status.alive);
     let instance = Instance { model, varied: run.varied };
     let stages = run.stages;
@@ -97,11 +106,14 @@ pub fn forward<L: LaneQuery>(
         constraint::contact_rows(instance, motion, &ws.collision, run.code, &mut ws.constraint);
         end(Stage::Constraint);
     }
+    let mut solved = Solved { lanes: status.alive & !findings.wild, unfinished: 0 };
     if runs(Stage::Solver) {
-        let unfinished = solve(instance, state, alive, (run.residual, run.keep), run.code, ws);
-        status.record(Status::NOT_CONVERGED, L::bits(unfinished & alive));
+        let tame = L::mask_of(solved.lanes);
+        let unfinished = solve(instance, state, tame, (run.residual, run.keep), run.code, ws);
+        solved.unfinished = L::bits(unfinished & tame);
         end(Stage::Solver);
     }
+    solved
 }
 
 /// The stages that do without constraints, borrowed from where they are.
@@ -135,26 +147,28 @@ pub struct Findings<M> {
     pub due: M,
     /// Some row on a joint may act.
     pub joint_rows: M,
+    /// The smooth acceleration is beyond what a solver can work with (see [`acceleration::wild`]): the world is lost.
+    pub wild: M,
 }
 
 impl<M> Findings<M> {
     /// The same in other terms.
     pub fn map<N>(self, f: impl Fn(M) -> N) -> Findings<N> {
-        let Findings { bad_controls, singular, due, joint_rows } = self;
-        Findings { bad_controls: f(bad_controls), singular: f(singular), due: f(due), joint_rows: f(joint_rows) }
+        let [bad_controls, singular, due, joint_rows, wild] = <[M; 5]>::from(self).map(f);
+        Findings { bad_controls, singular, due, joint_rows, wild }
     }
 }
 
-impl<M> From<[M; 4]> for Findings<M> {
-    fn from([bad_controls, singular, due, joint_rows]: [M; 4]) -> Self {
-        Findings { bad_controls, singular, due, joint_rows }
+impl<M> From<[M; 5]> for Findings<M> {
+    fn from([bad_controls, singular, due, joint_rows, wild]: [M; 5]) -> Self {
+        Findings { bad_controls, singular, due, joint_rows, wild }
     }
 }
 
-impl<M> From<Findings<M>> for [M; 4] {
+impl<M> From<Findings<M>> for [M; 5] {
     fn from(findings: Findings<M>) -> Self {
-        let Findings { bad_controls, singular, due, joint_rows } = findings;
-        [bad_controls, singular, due, joint_rows]
+        let Findings { bad_controls, singular, due, joint_rows, wild } = findings;
+        [bad_controls, singular, due, joint_rows, wild]
     }
 }
 
@@ -169,7 +183,7 @@ pub fn smooth<L: Lane>(
     end: &mut dyn FnMut(Stage),
 ) -> Findings<L::Mask> {
     let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
-    let mut findings = Findings::from([L::Mask::splat(false); 4]);
+    let mut findings = Findings::from([L::Mask::splat(false); 5]);
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
     if runs(Stage::Collision) {
@@ -199,6 +213,9 @@ pub fn smooth<L: Lane>(
     if runs(Stage::Acceleration) {
         acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
         findings.singular = acceleration::smooth_acceleration(model, position, inertia, acceleration);
+        if runs(Stage::Solver) {
+            findings.wild = acceleration::wild(&acceleration.qacc_smooth);
+        }
         end(Stage::Acceleration);
     }
     findings
@@ -247,9 +264,9 @@ pub fn step<L: LaneQuery>(
         clock.start();
     }
     run.stages = run.stages | Stages::STEP;
-    forward(model, state, run, status, ws);
-    let good = run.code.euler(state, run.varied, status.alive, ws).unwrap_or_else(|| {
-        let (smooth, alive) = (&ws.acceleration, L::mask_of(status.alive));
+    let solved = forward(model, state, run, status, ws);
+    let good = run.code.euler(state, run.varied, solved.lanes, ws).unwrap_or_else(|| {
+        let (smooth, alive) = (&ws.acceleration, L::mask_of(solved.lanes));
         let Solver { qacc, qfrc_constraint, .. } = &ws.solver.fields;
         let forces = [&smooth.qfrc_smooth[..], qfrc_constraint];
         let instance = Instance { model, varied: run.varied };
@@ -257,9 +274,11 @@ pub fn step<L: LaneQuery>(
         integration::euler(instance, masses, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
         L::bits(commit(model, &ws.integration, [qacc, &smooth.qacc_smooth], L::zero(), alive, state))
     });
+    // How a solver ends that works with numbers beyond all bounds says nothing, and may depend on other worlds' contacts.
+    status.record(Status::NOT_CONVERGED, solved.unfinished & good);
     let lost = status.alive & !good;
     if lost != 0 {
-        diagnosis::freeze(state, ws, lost, status);
+        diagnosis::freeze(ws, lost, lost & !solved.lanes, status);
     }
     if let Some(clock) = &mut run.clock {
         clock.end(Stage::Integration);

@@ -36,13 +36,13 @@ fields! {
 pub struct Status(pub u32);
 
 impl Status {
-    /// A position would have become NaN or infinite.
+    /// A position from outside was NaN or infinite.
     pub const NON_FINITE_POS: Status = Status(1 << 0);
-    /// A velocity would have become NaN or infinite.
+    /// A velocity from outside was NaN or infinite.
     pub const NON_FINITE_VEL: Status = Status(1 << 1);
-    /// An acceleration was NaN or infinite.
+    /// An acceleration, or a force from outside, was NaN or infinite; or an acceleration was larger than the largest magnitude.
     pub const NON_FINITE_ACC: Status = Status(1 << 2);
-    /// A value exceeded the largest magnitude.
+    /// A position, a velocity or a force from outside exceeded the largest magnitude.
     pub const HUGE_VALUE: Status = Status(1 << 3);
     /// A control was NaN or infinite: all controls of that step were 0.
     pub const BAD_CTRL: Status = Status(1 << 4);

@@ -24,7 +24,7 @@ mod tests;
 
 use glam::DVec3;
 use lanesim_kernels::acceleration::articulated;
-use lanesim_kernels::collision::levers;
+use lanesim_kernels::collision::{blur, levers};
 use lanesim_kernels::model::{self as kernel, Features, Sizes};
 use lanesim_kernels::options::Options;
 
@@ -101,6 +101,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         joints,
         dofs,
         levers: Vec::new(),
+        blur: Default::default(),
         geoms: pairs.geoms,
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
@@ -118,6 +119,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     };
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
     let mut tables = kernel::Model { tree_pattern, levers, ..tables };
+    tables.blur = blur(&tables);
     if articulated::pays(&tables) {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
     }

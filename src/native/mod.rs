@@ -398,7 +398,7 @@ impl<L: Block> Code<L> for Native<L::Float> {
         }
         parts::varied_fields(varied, readers::SMOOTH, |lanes| put(FieldSlice::read(lanes)));
         parts::smooth_fields(&self.code.tables, keep, ws.smooth(), &mut |lanes| put(FieldSlice::write(lanes)));
-        let mut masks = [0; 4];
+        let mut masks = [0; 5];
         fragment.run(&mut self.scratch, &mut fields[..count], &[], &mut masks);
         Some(masks.into())
     }

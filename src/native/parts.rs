@@ -37,6 +37,7 @@ pub fn smooth_fields<'a, L: Lane, T>(
     f(&mut colliders.qpos);
     f(colliders.origin.as_flattened_mut());
     f(&mut colliders.way);
+    f(&mut colliders.blur);
     f(&mut colliders.travel);
     f(&mut colliders.due);
     if keep {
@@ -153,7 +154,7 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind, varying: Quantities)
         binder.recording.output(field, lanes);
         field += 1;
     });
-    for mask in <[_; 4]>::from(findings) {
+    for mask in <[_; 5]>::from(findings) {
         binder.recording.mask_output(mask);
     }
     binder.recording.finish()

@@ -21,6 +21,10 @@ pub(crate) struct View<'a, L: LaneQuery> {
     pub tables: &'a KernelModel<L::Real>,
     pub block: &'a Block<L>,
     pub workspace: &'a Workspace<L>,
+    /// The worlds of which the workspace holds what follows from their state, as bits: not those that are frozen.
+    pub valid: u32,
+    /// Those of them whose constraints were solved: not those whose smooth acceleration is too large for it.
+    pub solved: u32,
 }
 
 /// What outputs are made in, kept from world to world.
@@ -317,8 +321,25 @@ impl Output {
     ) {
         let Buffers { row, poses } = buffers;
         row.clear();
-        self.extend(view, lane, poses, row);
+        let known = match self.stage() {
+            None => !0,
+            Some(_) if self.kind == Kind::Status => !0,
+            Some(Stage::Solver) => view.solved,
+            Some(_) => view.valid,
+        };
+        if known >> lane & 1 == 0 {
+            self.leave_out(view.model, row);
+        } else {
+            self.extend(view, lane, poses, row);
+        }
         out.write(at, row);
+    }
+
+    /// What stands for numbers that a world does not have, as it is frozen, or its state from outside cannot be stepped: NaN, the
+    /// count 0, empty lists.
+    fn leave_out(&self, model: &Model, out: &mut Vec<f64>) {
+        let nothing = if self.is_integer() { 0.0 } else { f64::NAN };
+        out.resize(out.len() + self.width(model).unwrap_or(0), nothing);
     }
 
     /// Appends a world's numbers to `out`.

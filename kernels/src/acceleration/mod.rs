@@ -106,6 +106,17 @@ pub fn smooth_acceleration<L: Lane>(
     singular
 }
 
+/// How much larger than the largest state a smooth acceleration may be: constraints may hold what would move so fast. Beyond, squares in
+/// the solver would overflow.
+const WILD: f64 = 1e3;
+
+/// Lanes in which the smooth acceleration is not finite, or longer than a solver can work with.
+pub fn wild<L: Lane>(qacc_smooth: &[L]) -> L::Mask {
+    let square = qacc_smooth.iter().fold(L::zero(), |sum, a| a.mul_add(*a, sum));
+    let most = WILD * L::Real::MAXVAL;
+    !square.le(L::of(most * most))
+}
+
 /// One step of iterative refinement, for single precision. M a₀ is formed link by link, with the armature on its own: a
 /// small armature on a large inertia, which the diagonal of M has rounded away, still counts.
 fn refine<L: Lane>(

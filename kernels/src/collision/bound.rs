@@ -56,6 +56,13 @@ impl Test {
         usize::from(self.frames.trees[0] != self.frames.trees[1])
     }
 
+    /// How much farther apart than the nearest points of two segments those that [`segments`] finds may be, in units of the last
+    /// place of 1, m.
+    pub fn slip(&self) -> f64 {
+        let half = self.halves[0].min(self.halves[1]);
+        4.0 * half * half / self.reach
+    }
+
     /// Where the pair is near, and a lower bound of the distance by which it is not.
     #[inline(always)]
     pub fn near<L: Lane>(&self, [pos1, axis1]: &Rod<L>, [pos2, axis2]: &Rod<L>) -> (L::Mask, L) {
@@ -78,7 +85,8 @@ impl Test {
         let close = inner * L::of(1.0 / ((2.0 + CLOSE) * self.reach));
         let beyond = square - L::of((1.0 + CLOSE) * (1.0 + CLOSE) * self.reach * self.reach);
         let far = beyond.mul_add(L::of(1.0 / ((2.0 + CLOSE + FAR) * self.reach)), L::of(CLOSE * self.reach));
-        (inner.le(L::zero()), close.min(far).min(L::of(FAR * self.reach)))
+        // The last operand is what remains where one is not a number: a gap that nobody knows must not pass for a wide one.
+        (inner.le(L::zero()), L::of(FAR * self.reach).min(close.min(far)))
     }
 }
 
@@ -119,21 +127,24 @@ pub fn nearest_first<T: Scalar>(model: &Model<T>) -> Vec<u32> {
 }
 
 /// The bounding tests of some pairs, from the poses of links: where each is near, and lower bounds of the distances by which
-/// the pairs within a tree, and others, are not.
+/// the pairs within a tree, and others, are not; zero where some distance is not a finite number.
 pub fn near_pairs<L: Lane>(
     model: &Model<L::Real>,
     position: &Position<L>,
     pairs: &[u32],
     near: &mut Vec<L::Mask>,
 ) -> [L; 2] {
-    let mut gaps = [L::of(L::Real::MAX); 2];
+    let (mut gaps, mut sums) = ([L::of(L::Real::MAX); 2], [L::zero(); 2]);
     for p in pairs {
         let test = Test::new(model, &model.pairs[*p as usize]);
         let bodies = test.geoms.map(|g| body(model, position, g as usize));
         let [first, second] = test.frames.place(position, bodies);
         let (mask, gap) = test.near(&first.rod(), &second.rod());
         near.push(mask);
-        gaps[test.frame()] = gap.min(gaps[test.frame()]);
+        let frame = test.frame();
+        gaps[frame] = gap.min(gaps[frame]);
+        // What is not finite stays so in a sum; a minimum forgets it.
+        sums[frame] += gap;
     }
-    gaps
+    [0, 1].map(|frame| L::select(sums[frame].within(L::Real::MAX), gaps[frame], L::zero()))
 }

@@ -1,11 +1,14 @@
 //! The broad phase: when pairs have to be tested again.
 //!
-//! Pairs that are out of reach by a gap in every world need no other test until geoms have moved so far that the gap may be
-//! closed. Since the path of a point is at least as long as the way between its ends, this holds however worlds move, also
-//! when others take their place; a pair is never passed over while it is near.
+//! Pairs that are out of reach by a gap in a world need no other test there until its geoms have moved so far that the gap
+//! may be closed. Since the path of a point is at least as long as the way between its ends, this holds however worlds move,
+//! also when others take their place; a pair is never passed over while it is near.
 //!
-//! Kernels test pair by pair, each when it is due. Code tests whole groups of pairs at once, those that are near each other
-//! in the reference configuration in the first and smallest group, so that few groups are due where nothing touches.
+//! Ways, gaps and due times are those of each world. No number is shared by worlds, so none can hide what another needs.
+//!
+//! Kernels test pair by pair, each when it is due in some world. Code tests whole groups of pairs at once, those that are near
+//! each other in the reference configuration in the first and smallest group, so that few groups are due where nothing
+//! touches.
 
 use crate::code::Code;
 use crate::lane::{LaneQuery, Mask, Real};
@@ -17,59 +20,43 @@ use super::bound::Test;
 use super::pair::{Body, body};
 
 /// Part of a gap that ways may use up before the pair is tested again: within a tree, and in the world, where two geoms can
-/// approach from both sides. The rest is for rounding.
+/// approach from both sides. The rest is for rounding of lengths; that of places is the blur of
+/// [`Colliders`](super::Colliders).
 const USABLE: [f64; 2] = [0.9, 0.45];
-/// The sum of ways from which on all starts anew, m.
+/// The sum of ways from which on all starts anew, m: a longer one would lose the ways of single steps.
 const LONGEST: f64 = 8.0;
 
-/// The bounding tests of pair by pair, and when each is due.
+/// When tests are due, world by world.
 #[derive(Clone, Debug)]
-struct Pairs {
-    tests: Vec<Test>,
-    /// Travel at which each pair is to be tested.
-    due: Vec<f64>,
-    /// Sum over all tests of the longest way in any world, m: within a tree, and in the world.
-    travel: [f64; 2],
-    /// The last summands.
-    way: [f64; 2],
-    /// Travel at which the next pair is to be tested.
-    next: [f64; 2],
-    /// Geoms whose pose is that of this step: what stands still, and what some pair needed.
-    placed: Vec<bool>,
-    /// Worlds that took part in the last step.
-    alive: u32,
-}
-
-/// When groups of pairs are to be tested, world by world.
-#[derive(Clone, Debug)]
-struct Groups<L> {
-    /// Travel at which each group is to be tested: by its pairs within a tree, and by others.
-    due: Vec<[L; 2]>,
+struct Schedule<L> {
+    /// Travel at which each test is to be made again.
+    due: Vec<L>,
+    /// The earliest of each frame.
+    next: [L; 2],
 }
 
 /// The bounding tests, and when each is due.
 #[derive(Clone, Debug)]
 pub struct Broad<L> {
-    pairs: Pairs,
-    groups: Groups<L>,
-    /// Worlds in which each pair is near, as bits: of pairs that were not tested, none.
+    /// By pair.
+    tests: Vec<Test>,
+    /// By pair, or by group and frame.
+    schedule: Schedule<L>,
+    /// Geoms whose pose is that of this step: what stands still, and what some pair needed.
+    placed: Vec<bool>,
+    /// Worlds in which each pair is near, as bits: of pairs that were not tested, none that is alive.
     pub near: Vec<u32>,
 }
 
 impl<L: LaneQuery> Broad<L> {
     /// The tests of the model's pairs, all due.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let pairs = Pairs {
+        Broad {
             tests: model.pairs.iter().map(|pair| Test::new(model, pair)).collect(),
-            due: vec![0.0; model.pairs.len()],
-            travel: [0.0; 2],
-            way: [0.0; 2],
-            next: [0.0; 2],
+            schedule: Schedule { due: Vec::new(), next: [L::zero(); 2] },
             placed: vec![false; model.geoms.len()],
-            alive: 0,
-        };
-        let groups = Groups { due: Vec::new() };
-        Broad { pairs, groups, near: vec![0; model.pairs.len()] }
+            near: vec![0; model.pairs.len()],
+        }
     }
 
     /// Finds where pairs are near, in the worlds of `alive`. Whether any may be. A pair that is near is due at once, so that none
@@ -82,126 +69,70 @@ impl<L: LaneQuery> Broad<L> {
         code: &mut dyn Code<L>,
         colliders: &mut Colliders<L>,
     ) -> bool {
-        let count = code.groups();
-        if count == 0 {
-            self.pairs.advance(&colliders.way, alive);
-            colliders.set_out(qpos, position);
-            return self.pairs.test(model, position, alive, colliders, &mut self.near);
-        }
-        let Broad { groups, near, .. } = self;
-        groups.due.resize(count, [L::of(-L::Real::MAX); 2]);
-        groups.begin(colliders);
+        let groups = code.groups();
+        self.schedule.begin(if groups > 0 { 2 * groups } else { self.tests.len() }, colliders);
         colliders.set_out(qpos, position);
-        let mut any = false;
-        for group in 0..count {
-            any |= groups.is_due(group, alive, colliders) && {
-                let mut gaps = [L::zero(); 2];
-                let some = code.near(group, position, L::bits(alive), near, &mut gaps);
-                groups.postpone(group, &gaps, colliders);
-                some
-            };
-        }
-        groups.end(colliders);
+        let any = if groups > 0 {
+            self.test_groups(groups, position, alive, code, colliders)
+        } else {
+            self.test_pairs(model, position, alive, colliders)
+        };
+        colliders.due.copy_from_slice(&self.schedule.next);
         any
     }
 
-    /// A pair's geoms, where they are relative to its reference point.
-    #[inline(always)]
-    pub fn bodies(&self, model: &Model<L::Real>, p: usize, position: &Position<L>) -> [Body<L>; 2] {
-        let test = &self.pairs.tests[p];
-        test.frames.place(position, test.geoms.map(|g| body(model, position, g as usize)))
-    }
-}
-
-impl<L: LaneQuery> Groups<L> {
-    /// Adds the ways to the travel; starts anew where worlds came from nowhere, or a sum would lose digits.
-    fn begin(&mut self, colliders: &mut Colliders<L>) {
-        let Colliders { travel, way, .. } = colliders;
-        travel.iter_mut().zip(way).for_each(|(travel, way)| *travel += *way);
-        let short = |travel: &L| travel.lt(L::of(LONGEST));
-        let goes_on = colliders.travel.iter().map(short).fold(L::Mask::splat(true), |all, short| all & short);
-        for travel in &mut colliders.travel {
-            *travel = L::select(goes_on, *travel, L::zero());
-        }
-        for due in self.due.as_flattened_mut() {
-            *due = L::select(goes_on, *due, L::of(-L::Real::MAX));
-        }
-    }
-
-    #[inline(always)]
-    fn is_due(&self, group: usize, alive: L::Mask, colliders: &Colliders<L>) -> bool {
-        let [inner, outer] = self.due[group];
-        L::any(!(colliders.travel[0].lt(inner) & colliders.travel[1].lt(outer)) & alive)
-    }
-
-    #[inline(always)]
-    fn postpone(&mut self, group: usize, gaps: &[L; 2], colliders: &Colliders<L>) {
-        for (i, due) in self.due[group].iter_mut().enumerate() {
-            *due = gaps[i].mul_add(L::of(USABLE[i]), colliders.travel[i]);
-        }
-    }
-
-    /// Keeps when the next of the groups is due.
-    fn end(&self, colliders: &mut Colliders<L>) {
-        for (i, next) in colliders.due.iter_mut().enumerate() {
-            *next = self.due.iter().fold(L::of(LONGEST), |next, due| due[i].min(next));
-        }
-    }
-}
-
-impl Pairs {
-    fn advance<L: LaneQuery>(&mut self, way: &[L], alive: L::Mask) {
-        let alive = L::bits(alive);
-        let known = way.iter().fold(L::Mask::splat(true), |known, way| known & way.lt(L::of(L::Real::MAX)));
-        if alive & !(L::bits(known) & self.alive) != 0 {
-            // Worlds that were not looked at before, or came from nowhere.
-            self.due.fill(0.0);
-            self.travel = [0.0; 2];
-            self.next = [0.0; 2];
-        } else {
-            for (i, way) in way.iter().enumerate() {
-                let lanes = (0..L::WIDTH).filter(|i| alive >> i & 1 != 0);
-                self.way[i] = lanes.fold(0.0, |most: f64, i| most.max(way.get(i).to_f64()));
-                self.travel[i] += self.way[i];
+    fn test_groups(
+        &mut self,
+        groups: usize,
+        position: &Position<L>,
+        alive: L::Mask,
+        code: &mut dyn Code<L>,
+        colliders: &Colliders<L>,
+    ) -> bool {
+        let Broad { schedule, near, .. } = self;
+        let mut any = false;
+        for group in 0..groups {
+            let tests = [2 * group, 2 * group + 1];
+            if [0, 1].into_iter().any(|frame| schedule.is_due(tests[frame], frame, alive, colliders)) {
+                let mut gaps = [L::zero(); 2];
+                any |= code.near(group, position, L::bits(alive), near, &mut gaps);
+                for frame in [0, 1] {
+                    schedule.postpone(tests[frame], frame, gaps[frame], colliders);
+                }
+            }
+            for frame in [0, 1] {
+                schedule.foresee(tests[frame], frame);
             }
         }
-        self.alive = alive;
+        any
     }
 
-    fn test<L: LaneQuery>(
+    fn test_pairs(
         &mut self,
         model: &Model<L::Real>,
         position: &Position<L>,
         alive: L::Mask,
         colliders: &mut Colliders<L>,
-        near: &mut [u32],
     ) -> bool {
-        let [inner, outer] = self.travel;
-        if self.next[0] > inner && self.next[1] > outer {
-            near.fill(0);
-            return false;
-        }
         self.placed.fill(false);
-        self.next = [f64::INFINITY; 2];
-        for (p, near) in near.iter_mut().enumerate() {
+        let mut any = 0;
+        for p in 0..self.tests.len() {
             let frame = self.tests[p].frame();
-            *near = 0;
-            if self.due[p] <= self.travel[frame] {
+            self.near[p] = 0;
+            if self.schedule.is_due(p, frame, alive, colliders) {
                 let (mask, gap) = self.test_pair(model, p, position, colliders);
-                *near = L::bits(mask & alive);
-                // A gap that another step like the last may close is not worth knowing.
-                let narrow = gap.le(L::of(self.way[frame] / USABLE[frame]));
-                let gap = if L::any((narrow | mask) & alive) { 0.0 } else { smallest(gap, self.alive) };
-                self.due[p] = self.travel[frame] + USABLE[frame] * gap;
+                self.near[p] = L::bits(mask & alive);
+                any |= self.near[p];
+                self.schedule.postpone(p, frame, gap, colliders);
             }
-            self.next[frame] = self.next[frame].min(self.due[p]);
+            self.schedule.foresee(p, frame);
         }
-        true
+        any != 0
     }
 
     /// Places the geoms of a pair where that was not done yet, and tests it.
     #[inline(always)]
-    fn test_pair<L: LaneQuery>(
+    fn test_pair(
         &mut self,
         model: &Model<L::Real>,
         p: usize,
@@ -220,10 +151,52 @@ impl Pairs {
         });
         test.near(&first, &second)
     }
+
+    /// A pair's geoms, where they are relative to its reference point.
+    #[inline(always)]
+    pub fn bodies(&self, model: &Model<L::Real>, p: usize, position: &Position<L>) -> [Body<L>; 2] {
+        let test = &self.tests[p];
+        test.frames.place(position, test.geoms.map(|g| body(model, position, g as usize)))
+    }
 }
 
-/// The smallest of the entries of the lanes in `alive`, 0 if one is not a number.
-fn smallest<L: LaneQuery>(x: L, alive: u32) -> f64 {
-    let lanes = (0..L::WIDTH).filter(|i| alive >> i & 1 != 0);
-    lanes.map(|i| x.get(i).to_f64()).fold(f64::INFINITY, |least, x| if x >= least { least } else { x.max(0.0) })
+impl<L: LaneQuery> Schedule<L> {
+    /// Adds the ways to the travel; starts anew in worlds that came from nowhere, or whose sum would lose digits.
+    fn begin(&mut self, tests: usize, colliders: &mut Colliders<L>) {
+        self.due.resize(tests, L::of(-L::Real::MAX));
+        self.next = [L::of(LONGEST); 2];
+        let Colliders { travel, way, .. } = colliders;
+        travel.iter_mut().zip(way).for_each(|(travel, way)| *travel += *way);
+        let short = |travel: &L| travel.lt(L::of(LONGEST));
+        let goes_on = travel.iter().map(short).fold(L::Mask::splat(true), |all, short| all & short);
+        if !L::any(!goes_on) {
+            return;
+        }
+        for travel in travel {
+            *travel = L::select(goes_on, *travel, L::zero());
+        }
+        for due in &mut self.due {
+            *due = L::select(goes_on, *due, L::of(-L::Real::MAX));
+        }
+    }
+
+    /// Whether a test is due in some world of `alive`.
+    #[inline(always)]
+    fn is_due(&self, test: usize, frame: usize, alive: L::Mask, colliders: &Colliders<L>) -> bool {
+        let spent = colliders.travel[frame] + colliders.blur[frame];
+        L::any(!spent.lt(self.due[test]) & alive)
+    }
+
+    /// After a test: it is due again when ways have used up the gap. At once, if the gap is not a number.
+    #[inline(always)]
+    fn postpone(&mut self, test: usize, frame: usize, gap: L, colliders: &Colliders<L>) {
+        let due = gap.mul_add(L::of(USABLE[frame]), colliders.travel[frame]) - colliders.blur[frame];
+        self.due[test] = L::select(due.within(L::Real::MAX), due, L::of(-L::Real::MAX));
+    }
+
+    /// Looks for the earliest test.
+    #[inline(always)]
+    fn foresee(&mut self, test: usize, frame: usize) {
+        self.next[frame] = self.due[test].min(self.next[frame]);
+    }
 }

@@ -21,7 +21,7 @@ pub use convex::ConvexCollider;
 pub use frame::contact_frame;
 pub use pair::{Body, Found, Frames, capsules, in_lanes, points};
 pub use single::{Point, Points};
-pub use way::{levers, way};
+pub use way::{blur, levers, way};
 
 use broad::Broad;
 use pair::Candidate;
@@ -49,6 +49,8 @@ fields! {
         /// Bounds of the way of any geom since then, m, relative to the rest of its tree, and in the world; `MAX` where they are
         /// not numbers.
         pub way: Vec<L> = 2,
+        /// By how much rounding can make distances less than they were, m: of geoms within a tree, and of others.
+        pub blur: Vec<L> = 2,
         /// Sums of those ways over all tests, each with a little added.
         pub travel: Vec<L> = 2,
         /// Travel from which on groups of pairs are to be tested: of pairs within a tree, and of others.

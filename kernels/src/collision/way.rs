@@ -7,15 +7,17 @@
 
 use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::{Vec3, sub};
-use crate::model::{Joint, JointKind, Model, NONE, Shape};
+use crate::model::{Blur, Joint, JointKind, Model, NONE, Shape};
 use crate::position::Position;
 
-use super::Colliders;
+use super::{Colliders, bound};
 
 /// Added to every way, m: more than what rounding takes from a sum of ways.
 const STEP: f64 = 1e-6;
 /// By which rounding in single precision may lengthen a lever.
 const ROUNDING: f64 = 1.001;
+/// Units in the last place by which a link's pose is rounded, and by which a pair's bounding test is, at most.
+const ULPS: [f64; 2] = [4.0, 32.0];
 
 fn length(x: &[f64; 3]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
@@ -40,6 +42,21 @@ pub fn levers(model: &Model<f64>) -> Vec<f64> {
         }
     }
     reach.iter().map(|reach| ROUNDING * reach).collect()
+}
+
+/// The blur of a model whose [`levers`] are known.
+pub fn blur(model: &Model<f64>) -> Blur<f64> {
+    let mut depths = vec![1.0_f64; model.links.len()];
+    for (l, link) in model.links.iter().enumerate().filter(|(_, link)| link.parent != NONE) {
+        depths[l] = 1.0 + depths[link.parent as usize];
+    }
+    let largest = |x: &mut dyn Iterator<Item = f64>| x.fold(0.0_f64, f64::max);
+    let still = model.geoms.iter().filter(|geom| geom.link == NONE).map(|geom| length(&geom.pos));
+    let extent = largest(&mut model.levers.iter().copied().chain(still));
+    let ulps = ULPS[0] * largest(&mut depths.into_iter()) + ULPS[1];
+    // Of segments that are nearly parallel, those points that are found as the nearest may be farther apart by about this.
+    let slip = largest(&mut model.pairs.iter().map(|pair| bound::Test::new(model, pair).slip()));
+    Blur { ulps, length: ulps * extent + slip }
 }
 
 /// Least square of the norm of a quaternion for which [`turn`] has a bound: steps leave unit quaternions.
@@ -97,18 +114,24 @@ pub fn way<L: Lane>(
         };
     }
     let mut known = L::Mask::splat(true);
-    let mut longest = [L::zero(); 2];
+    let (mut longest, mut farthest) = ([L::zero(); 2], L::zero());
     for (t, [inner, outer]) in colliders.stir.iter().enumerate() {
         let origin: Vec3<L> = sub(&position.origin[t], &colliders.origin[t]);
         let all = origin.iter().fold(*inner + *outer, |all, x| all + x.abs());
         known = known & all.within(L::Real::MAX);
         longest = [longest[0].max(*inner), longest[1].max(all)];
+        let [x, y, z] = position.origin[t];
+        farthest = farthest.max(x.abs() + y.abs() + z.abs());
     }
+    let ulp = L::of(L::Real::EPSILON);
+    let within = ulp * L::splat(model.blur.ulps).mul_add(extension, L::splat(model.blur.length));
+    colliders.blur[0] = within;
+    colliders.blur[1] = (ulp * L::splat(model.blur.ulps)).mul_add(farthest, within);
     let mut passed = L::Mask::splat(true);
     for (i, longest) in longest.into_iter().enumerate() {
         let way = L::select(known, longest, L::of(L::Real::MAX)) + L::of(STEP);
         colliders.way[i] = way;
-        passed = passed & (colliders.travel[i] + way).lt(colliders.due[i]);
+        passed = passed & (colliders.travel[i] + way + colliders.blur[i]).lt(colliders.due[i]);
     }
     !passed
 }

@@ -112,6 +112,23 @@ pub struct Features {
     pub articulated: bool,
 }
 
+/// What rounding does to the distances that bounding tests find: by how much more than two geoms can have approached, a distance
+/// can have become less.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Blur<T> {
+    /// Units in the last place of the lengths by which places are told.
+    pub ulps: T,
+    /// What one such unit is a part of at rest, times their number, m.
+    pub length: T,
+}
+
+impl<U: Real> Cast<U> for Blur<f64> {
+    type Out = Blur<U>;
+    fn cast(&self) -> Blur<U> {
+        Blur { ulps: self.ulps.cast(), length: self.length.cast() }
+    }
+}
+
 /// A compiled model, over real type `T`. Made by the compiler of the `lanesim` package; kernels trust its indices.
 #[derive(Clone, Debug)]
 pub struct Model<T> {
@@ -131,6 +148,8 @@ pub struct Model<T> {
     pub dofs: Vec<Dof<T>>,
     /// By link, how far geoms that it carries can be from its joints (see [`levers`](crate::collision::levers)), m.
     pub levers: Vec<T>,
+    /// What rounding does to distances between geoms.
+    pub blur: Blur<T>,
     /// Geoms that take part in pairs.
     pub geoms: Vec<Geom<T>>,
     /// Pairs of geoms.
@@ -199,6 +218,7 @@ impl<U: Real> Cast<U> for Model<f64> {
             joints: self.joints.cast(),
             dofs: self.dofs.cast(),
             levers: self.levers.cast(),
+            blur: self.blur.cast(),
             geoms: self.geoms.cast(),
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),
