@@ -13,6 +13,7 @@ use crate::block::Block;
 use crate::error::Error;
 use crate::model::Model;
 use crate::rows::Rows;
+use crate::suggest;
 use crate::worlds::Field;
 
 /// A world's stages, for outputs.
@@ -163,10 +164,8 @@ pub struct Output {
 impl Output {
     /// The output called `name`.
     pub fn named(name: &str) -> Result<Output, Error> {
-        TABLE.iter().find(|row| row.0 == name).map(|row| Output { name: row.0, kind: row.1 }).ok_or_else(|| {
-            let names: Vec<&str> = TABLE.iter().map(|row| row.0).collect();
-            Error::Unknown(format!("there is no output {name}; there are {}", names.join(", ")))
-        })
+        let found = TABLE.iter().find(|row| row.0 == name).map(|row| Output { name: row.0, kind: row.1 });
+        found.ok_or_else(|| Error::Unknown(suggest::unknown("output", name, TABLE.iter().map(|row| row.0))))
     }
 
     /// Names and meanings of all outputs.
@@ -335,7 +334,7 @@ impl Output {
         match self.kind {
             Kind::State(field) => view.block.read(field, &view.tables.sizes, lane, out),
             Kind::FullPhysics => {
-                for field in [Field::Time, Field::Qpos, Field::Qvel, Field::Act] {
+                for field in Field::STATE {
                     view.block.read(field, &view.tables.sizes, lane, out);
                 }
             }
