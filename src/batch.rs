@@ -39,6 +39,7 @@ pub(crate) trait Engine: Send {
     fn set(&mut self, field: Field, world: usize, values: &[f64]);
     fn get(&self, field: Field, world: usize) -> Vec<f64>;
     fn status(&self, world: usize) -> Status;
+    fn any_frozen(&self) -> bool;
     fn firsts(&self, world: usize) -> Vec<First>;
     fn set_status(&mut self, world: usize, status: Status);
     fn reset(&mut self, world: usize, key: &Key);
@@ -425,6 +426,10 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
 
     fn status(&self, world: usize) -> Status {
         self.store.status(world)
+    }
+
+    fn any_frozen(&self) -> bool {
+        self.store.any_frozen(self.crew.nworld)
     }
 
     fn firsts(&self, world: usize) -> Vec<First> {

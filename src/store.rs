@@ -154,6 +154,12 @@ impl<L: LaneQuery> Store<L> {
         self.kept[world / L::WIDTH].status.lane(world % L::WIDTH)
     }
 
+    /// Whether any of the worlds is frozen.
+    pub fn any_frozen(&self, nworld: usize) -> bool {
+        let expected = |b: usize| L::WIDTH.min(nworld - b * L::WIDTH);
+        self.kept.iter().enumerate().any(|(b, kept)| kept.status.alive.count_ones() as usize != expected(b))
+    }
+
     /// Takes one world's block to `scratch`, lets `work` change it there, and puts it back.
     pub fn change(&mut self, world: usize, scratch: &mut Block<L>, work: impl FnOnce(&mut Block<L>, usize)) {
         let (block, place) = (world / L::WIDTH, self.place(world / L::WIDTH));

@@ -368,6 +368,11 @@ impl Worlds {
         (0..self.nworld()).filter(|world| self.engine.status(*world).contains(Status::FROZEN)).count()
     }
 
+    /// Whether any world is frozen: quicker than counting them.
+    pub fn any_lost(&self) -> bool {
+        self.engine.any_frozen()
+    }
+
     /// Resets one world to a keyframe, or to the reference configuration; clears all that it remembers, its status too.
     pub fn reset(&mut self, world: usize, key: Option<usize>) -> Result<(), Error> {
         self.check_world(world)?;
@@ -497,6 +502,9 @@ impl Worlds {
 
     /// The error that names the world which was lost first, of those chosen.
     fn first_lost(&self, ids: Option<&[usize]>) -> Option<Error> {
+        if !self.any_lost() {
+            return None;
+        }
         let ids = ids.map_or_else(|| (0..self.nworld()).collect(), <[usize]>::to_vec);
         let lost = ids.into_iter().filter(|world| self.engine.status(*world).contains(Status::FROZEN));
         let cause = |world| {

@@ -75,7 +75,15 @@ rail = model.jnt_range[0] if model.jnt_limited[0] else None
 panels = [
     (axes[0], path[:, 1], "cart position, m", 0.0, "target", rail, "end of the rail"),
     (axes[1], pole, "pole angle, rad", upright, "target: upright", None, ""),
-    (axes[2], gear * applied[:, 0], "force on the cart, N", None, "", (gear * low[0], gear * high[0]), "actuator limit"),
+    (
+        axes[2],
+        gear * applied[:, 0],
+        "force on the cart, N",
+        None,
+        "",
+        (gear * low[0], gear * high[0]),
+        "actuator limit",
+    ),
 ]
 for axis, values, label, target, target_label, limits, limit_label in panels:
     axis.plot(time, values, linewidth=1.2)

@@ -52,9 +52,7 @@ def wrong_shape(name: str, shape: Sequence[int], dims: Sequence[Dim]) -> InputEr
     return InputError(text)
 
 
-def per_world(
-    name: str, values: ArrayLike, nworld: int, row: Sequence[Dim], label: str = "nworld"
-) -> NDArray[Any]:
+def per_world(name: str, values: ArrayLike, nworld: int, row: Sequence[Dim], label: str = "nworld") -> NDArray[Any]:
     """Numbers of shape [nworld, *row], or *row or [1, *row] for the same in every world."""
     array = numbers(name, values)
     shape = tuple(n for _, n in row)

@@ -89,7 +89,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._limit = None if max_episode_steps is None else _arrays.count("max_episode_steps", max_episode_steps, 1)
         if not (np.isfinite(reset_noise) and reset_noise >= 0):
             raise InputError(f"reset_noise is {reset_noise!r}; expected a number that is not negative")
-        for name, function in [("reward", reward), ("observe", observe), ("terminated", terminated), ("on_reset", on_reset)]:
+        for name, function in [
+            ("reward", reward),
+            ("observe", observe),
+            ("terminated", terminated),
+            ("on_reset", on_reset),
+        ]:
             if function is not None and not callable(function):
                 raise TypeError(f"{name} is a {type(function).__name__}; expected a function")
         self.worlds = Worlds(model, self.num_envs, precision, threads, backend=backend)
@@ -185,7 +190,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def _rewards(self, actions: NDArray[Any]) -> NDArray[np.float64]:
         reward = np.asarray(self._reward(self.worlds, actions))
         if reward.shape != (self.num_envs,) or reward.dtype.kind not in "fiu":
-            raise InputError(f"reward returned {_kind(reward)}; expected real numbers of shape [num_envs={self.num_envs}]")
+            raise InputError(
+                f"reward returned {_kind(reward)}; expected real numbers of shape [num_envs={self.num_envs}]"
+            )
         return reward.astype(np.float64)
 
     def _ends(self, observation: NDArray[Any]) -> NDArray[np.bool_]:
@@ -214,5 +221,7 @@ def _mode(mode: Any) -> AutoresetMode:
 def _space(observation: NDArray[Any]) -> gymnasium.spaces.Box:
     """What an observation like this can be: any number of its type."""
     kind, dtype = observation.dtype.kind, observation.dtype
-    low, high = (-np.inf, np.inf) if kind == "f" else (0, 1) if kind == "b" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
+    low, high = (
+        (-np.inf, np.inf) if kind == "f" else (0, 1) if kind == "b" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
+    )
     return gymnasium.spaces.Box(low, high, observation.shape[1:], dtype=dtype.type)

@@ -7,6 +7,7 @@ or by the comparison of the arrays at the end.
 
 from __future__ import annotations
 
+import copy
 from typing import Any, Iterator
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from .errors import ModelError
 from .spec import Element, Spec
 
-__all__ = ["differences", "spec_of"]
+__all__ = ["differences", "spec_of", "stale"]
 
 JOINTS = ("free", "ball", "slide", "hinge")
 GEOMS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
@@ -26,6 +27,8 @@ GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
 BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
 TRANSMISSIONS = ("joint", "jointinparent", "slidercrank", "tendon", "site", "body")
+STALE = 1e-6
+"""The same for constants that MuJoCo derives a second time."""
 TOLERANCE = 1e-9
 """Largest difference between arrays that rounding may make, relative to the largest entry."""
 
@@ -67,7 +70,7 @@ class _Writer:
         referred += [("body", int(s) >> shift & 0xFFFF) for s in m.exclude_signature for shift in (0, 16)]
         kinds = {"joint": "joint", "jointinparent": "joint", "tendon": "tendon", "site": "site", "slidercrank": "site"}
         kinds["body"] = "body"
-        for a in range(m.nu):
+        for a in range(m.nactuator):
             kind = kinds.get(self._transmission(a))
             referred += [(kind, int(i)) for i in m.actuator_trnid[a] if kind and i >= 0]
         for kind, i in referred:
@@ -177,7 +180,7 @@ class _Writer:
             "geom",
             name=self.name("geom", g),
             type=GEOMS[kind],
-            size=m.geom_size[g, : SIZES[kind]] if SIZES[kind] else None,
+            size=_sizes(m.geom_size[g], SIZES[kind]),
             mesh=m.mesh(m.geom_dataid[g]).name if kind == 7 else None,
             pos=m.geom_pos[g],
             quat=m.geom_quat[g],
@@ -232,7 +235,7 @@ class _Writer:
 
     def _actuators(self) -> None:
         m = self.m
-        for a in range(m.nu):
+        for a in range(m.nactuator):
             kind, target = self._transmission(a), m.actuator_trnid[a]
             where: dict[str, Any] = {}
             if kind == "slidercrank":
@@ -273,7 +276,9 @@ class _Writer:
             forcerange=m.actuator_forcerange[a] if m.actuator_forcerange[a].any() else None,
             gear=m.actuator_gear[a],
             armature=m.actuator_armature[a] or None,
-            damping=_series(m.actuator_damping[a], m.actuator_dampingpoly[a]) if _any(m, "actuator_damping", a) else None,
+            damping=(
+                _series(m.actuator_damping[a], m.actuator_dampingpoly[a]) if _any(m, "actuator_damping", a) else None
+            ),
             delay=m.actuator_delay[a] or None,
             group=m.actuator_group[a],
             **where,
@@ -282,20 +287,23 @@ class _Writer:
 
     def _others(self) -> None:
         """What the loader has a word about: a note, a refusal, or a loss if it is lenient."""
+        import mujoco
+
         m, root = self.m, Element(self.spec._element)
         if m.ntendon:
             tendons = root.add("tendon")
             for t in range(m.ntendon):
-                tendons.add("fixed", name=self.name("tendon", t))
+                tendons.add("fixed", name=self.name("tendon", t) or f"tendon {t}")
         if m.neq:
             equalities = root.add("equality")
             for e in range(m.neq):
                 kind = int(m.eq_type[e])
-                equalities.add(EQUALITIES[min(kind, 4)], name=m.equality(e).name or None)
+                equalities.add(EQUALITIES[min(kind, 4)], name=m.equality(e).name or f"equality {e}")
         if m.nsensor:
             sensors = root.add("sensor")
             for s in range(m.nsensor):
-                sensors.add("user", name=m.sensor(s).name or None, dim=m.sensor_dim[s])
+                kind = mujoco.mjtSensor(m.sensor_type[s]).name.removeprefix("mjSENS_").lower()
+                sensors.add(kind, name=m.sensor(s).name or f"sensor {s}")
         if (m.geom_type == GEOMS.index("mesh")).any():
             assets = root.add("asset")
             for i in range(m.nmesh):
@@ -308,6 +316,12 @@ class _Writer:
             rows.update(mpos=m.key_mpos, mquat=m.key_mquat)
             given = {name: array[k] for name, array in rows.items() if array[k].size}
             self.spec.keyframe.add("key", name=m.key(k).name or None, time=m.key_time[k], **given)
+
+
+def _sizes(sizes: NDArray[np.float64], count: int) -> NDArray[np.float64] | None:
+    """The sizes that a shape has, and those after them that somebody set all the same."""
+    last = int(np.flatnonzero(sizes)[-1]) + 1 if sizes.any() else 0
+    return sizes[: max(count, last)] if count else None
 
 
 def _any(m: Any, name: str, i: int) -> bool:
@@ -325,7 +339,7 @@ def differences(m: Any, model: Any) -> Iterator[str]:
     """Arrays of a lanesim model that are not those of the MjModel it was made from."""
     for name, size in model.sizes().items():
         if getattr(m, name, size) != size:
-            yield f"{name} is {size} instead of {getattr(m, name)}"
+            yield f"{name} would be {size} instead of {getattr(m, name)}"
     for name in model.array_names:
         theirs = getattr(m, name, None)
         if theirs is None:
@@ -336,11 +350,26 @@ def differences(m: Any, model: Any) -> Iterator[str]:
         if name == "gravity" and not model.opt.flags["gravity"]:
             continue
         if ours.size != theirs.size:
-            yield f"{name} has shape {list(ours.shape)} instead of {list(theirs.shape)}"
+            yield f"{name} would have shape {list(ours.shape)} instead of {list(theirs.shape)}"
             continue
         theirs = theirs.reshape(ours.shape)
         scale = np.abs(theirs).max(initial=0.0)
         wrong = np.abs(ours - theirs) > TOLERANCE * max(float(scale), 1e-6)
         if wrong.any():
             place = [int(i) for i in np.argwhere(wrong)[0]] if ours.ndim else []
-            yield f"{name}{place or ''} is {ours[tuple(place)]!r} instead of {theirs[tuple(place)]!r}"
+            here, there = float(ours[tuple(place)]), float(theirs[tuple(place)])
+            yield f"{name}{place or ''} would be {here:.9g} instead of {there:.9g}"
+
+
+def stale(m: Any) -> Iterator[str]:
+    """Derived constants of an MjModel that do not follow from what it holds now."""
+    import mujoco
+
+    fresh = copy.copy(m)
+    mujoco.mj_setConst(fresh, mujoco.MjData(fresh))
+    for name in ("body_subtreemass", "dof_M0", "dof_invweight0", "body_invweight0", "actuator_acc0"):
+        old, new = getattr(m, name), getattr(fresh, name)
+        wrong = np.abs(old - new) > STALE * np.abs(new).max(initial=0.0)
+        if wrong.any():
+            place = [int(i) for i in np.argwhere(wrong)[0]]
+            yield f"{name}{place} is {float(old[tuple(place)]):.9g} and should be {float(new[tuple(place)]):.9g}"

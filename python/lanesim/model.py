@@ -149,6 +149,15 @@ def _overrides(options: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     return out
 
 
+def _losses(compiled: _lanesim.Model) -> list[str]:
+    """What a lenient load left out; where the text is a single line, which one is not said."""
+    losses = compiled.losses()
+    file, text, *_ = compiled.document()
+    if file is None and "\n" not in text.strip():
+        losses = [loss.removeprefix("line 1: ") for loss in losses]
+    return losses
+
+
 class Options:
     """Options of a model, MuJoCo's ``model.opt``: read an attribute, or set it.
 
@@ -219,7 +228,7 @@ class Model:
     @classmethod
     def _loaded(cls, compiled: Any, caller: int = 3) -> "Model":
         """The same; the caller that many frames away is warned of what was left out."""
-        losses = compiled.losses()
+        losses = _losses(compiled)
         if losses:
             more = f", and {len(losses) - 3} more" if len(losses) > 3 else ""
             text = "; ".join(losses[:3])
@@ -312,16 +321,24 @@ class Model:
 
     @classmethod
     def _taken(cls, exact: Any, lenient: bool, options: Mapping[str, Any] | None) -> Any:
-        text = mjmodel.spec_of(exact).to_xml()
-        compiled = cls._parse(text, None, lenient, None)
-        if not compiled.losses():
-            wrong = list(mjmodel.differences(exact, cls._of(compiled)))
-            if wrong:
-                more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
-                raise ModelError(
-                    f"the MjModel holds what MJCF cannot express: {wrong[0]}{more}; if the model was changed after "
-                    "loading, mujoco.mj_setConst brings derived constants up to date"
-                )
+        try:
+            compiled = cls._parse(mjmodel.spec_of(exact).to_xml(), None, lenient, None)
+        except ModelError as error:  # Lines of a text that nobody has seen help nobody.
+            lines = [
+                f"MjModel: {d.element}: {d.message}" + (f" ({d.remedy})" if d.remedy else "") for d in error.diagnostics
+            ]
+            places = [(None, 0, *d[2:]) for d in error.diagnostics]
+            raise ModelError("\n".join(lines) or str(error), places) from None
+        old = next(mjmodel.stale(exact), None)
+        if old is not None:
+            raise ModelError(
+                f"MjModel: {old}: it was changed after loading; mujoco.mj_setConst(model, data) brings derived constants up "
+                "to date"
+            )
+        wrong = [] if compiled.losses() else list(mjmodel.differences(exact, cls._of(compiled)))
+        if wrong:
+            more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+            raise ModelError(f"MjModel: it holds what MJCF cannot express: {wrong[0]}{more}")
         return compiled.with_options(_overrides(options)) if options else compiled
 
     def replace(self, **options: Any) -> "Model":
@@ -349,7 +366,7 @@ class Model:
 
     def report(self) -> Report:
         """What one should know about the model: notes, and what a lenient load left out."""
-        return Report(self._m.notes(), self._m.losses())
+        return Report(self._m.notes(), _losses(self._m))
 
     def sizes(self) -> dict[str, int]:
         """Numbers of elements by MuJoCo's names."""

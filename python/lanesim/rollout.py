@@ -45,7 +45,7 @@ class Rollout:
         _arrays.choice("precision", precision, PRECISIONS)
         _arrays.choice("backend", backend, BACKENDS)
         self.threads = _threads(threads, nthread)
-        self._choice = dict(precision=precision, backend=backend)
+        self._choice: dict[str, Any] = dict(precision=precision, backend=backend)
         self._pool: Any = _lanesim.Pool(self.threads or None)
         self._worlds: Worlds | None = None
         self._lock = threading.Lock()
@@ -311,16 +311,16 @@ def rollout(
         progress=progress,
     )
     count = _threads(threads, nthread)
-    choice = dict(nthread=count, precision=precision, backend=backend)
+    choice: dict[str, Any] = dict(nthread=count, precision=precision, backend=backend)
     if not persistent_pool:
-        with Rollout(**choice) as once:  # type: ignore[arg-type]
+        with Rollout(**choice) as once:
             return once.rollout(model, initial_state, control, **arguments)
     _arrays.choice("precision", precision, PRECISIONS)
     _arrays.choice("backend", backend, BACKENDS)
     with _persistent_lock:
         key = (count, precision, backend)
         if key not in _persistent:
-            _persistent[key] = Rollout(**choice)  # type: ignore[arg-type]
+            _persistent[key] = Rollout(**choice)
     return _persistent[key].rollout(model, initial_state, control, **arguments)
 
 

@@ -272,7 +272,7 @@ class Worlds:
             "state": [("nstate", 1 + m.nq + m.nv + m.na)],
         }
         if isinstance(name, str) and name in PARAMETERS:
-            shape = m._m.array(name).shape
+            shape = getattr(m, name).shape
             return list(zip([_COUNTS.get(name.split("_")[0], ""), ""], shape))
         if isinstance(name, str) and m._m.array(name) is not None:
             self._w.parameter(name)  # Which says why it cannot.
@@ -289,7 +289,7 @@ class Worlds:
 
     def _parameter(self, name: str, out: NDArray[Any] | None, ids: NDArray[Any] | None) -> NDArray[Any]:
         row = self._row(name)
-        rows = self._w.parameter(name).reshape(self._nworld, *(n for _, n in row))
+        rows: NDArray[Any] = self._w.parameter(name).reshape(self._nworld, *(n for _, n in row))
         if ids is not None:
             rows = rows[ids]
         if out is None:
@@ -302,9 +302,7 @@ class Worlds:
     def get(self, name: str, out: NDArray[Any] | None = None, *, ids: Ids = None) -> NDArray[Any]: ...
     @overload
     def get(self, name: list[str] | tuple[str, ...], *, ids: Ids = None) -> dict[str, NDArray[Any]]: ...
-    def get(
-        self, name: str | list[str] | tuple[str, ...], out: NDArray[Any] | None = None, *, ids: Ids = None
-    ) -> Any:
+    def get(self, name: str | list[str] | tuple[str, ...], out: NDArray[Any] | None = None, *, ids: Ids = None) -> Any:
         """A field of every world or of those that `ids` names, or several fields at once as a dict; `lanesim.OUTPUTS`
         describes them.
 
@@ -415,7 +413,7 @@ class Worlds:
         if ctrl is not None:
             dims = [("nworld" if numbers is None else "ids", nworld), ("nstep", nstep), ("nu", self._model.nu)]
             if ctrl.shape[0] not in (1, nworld) or ctrl.shape[2] != self._model.nu:
-                raise _arrays.wrong_shape("control", np.shape(control), dims)
+                raise _arrays.wrong_shape("control", np.asarray(control).shape, dims)
             _arrays.check_range("control", ctrl, self.dtype)
             _lanesim.check_finite("control", ctrl)
         recorded = self._recorded(_arrays.names_of(outputs), (nworld, nstep), out or {})

@@ -258,7 +258,7 @@ impl Worlds {
         let work = || worlds.read(&Reading { names: &names, ids: ids.as_deref(), cancel: Some(&cancel) }, rows);
         let result = if short { py.detach(work) } else { watched(py, &cancel, |_| Ok(()), work)? };
         result.map_err(|e| raise(py, e))?;
-        if derived && worlds.lost() == 0 {
+        if derived && !worlds.any_lost() {
             pace.learn(start.elapsed().as_secs_f64(), nworld as f64);
         }
         let padded = targets.iter().zip(lists).zip(names).map(|((target, list), name)| {
@@ -369,7 +369,7 @@ impl Worlds {
         };
         result.map_err(|e| raise(py, e))?;
         // Frozen worlds are passed over: nothing can be learnt from them.
-        if worlds.lost() == 0 {
+        if !worlds.any_lost() {
             pace.learn(start.elapsed().as_secs_f64(), amount);
         }
         Ok(())

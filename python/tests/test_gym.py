@@ -88,7 +88,9 @@ def test_nobody_resets_but_the_user(pendulum) -> None:
 
 @pytest.mark.parametrize("mask", [[1, 0, 0, 0, 0, 0], np.ones(5, bool), "all"])
 def test_wrong_reset_masks(pendulum, mask) -> None:
-    with pytest.raises(lanesim.InputError, match=r'options\["reset_mask"\] is .*; expected bool of shape \[num_envs=6\]'):
+    with pytest.raises(
+        lanesim.InputError, match=r'options\["reset_mask"\] is .*; expected bool of shape \[num_envs=6\]'
+    ):
         balance(pendulum).reset(options={"reset_mask": mask})
 
 
@@ -127,7 +129,10 @@ def test_a_hook_sets_where_worlds_start(pendulum, mode) -> None:
 @pytest.mark.parametrize(
     "options, text",
     [
-        ({"reward": lambda worlds, action: -np.square(action)}, r"reward returned float64 of shape \[6, 1\]; expected real"),
+        (
+            {"reward": lambda worlds, action: -np.square(action)},
+            r"reward returned float64 of shape \[6, 1\]; expected real",
+        ),
         ({"reward": lambda worlds, action: 1.0}, r"reward returned float64 of shape \[\]"),
         ({"reward": lambda worlds, action: np.ones(6, complex)}, "reward returned complex128"),
         ({"reward": lambda worlds, action: np.ones(6, bool)}, "reward returned bool"),

@@ -30,7 +30,9 @@ def others(ids) -> np.ndarray:
 
 
 @pytest.mark.parametrize("precision, backend", KINDS)
-@pytest.mark.parametrize("ids", [IDS, IDS.tolist(), np.isin(np.arange(NWORLD), IDS), slice(3, 30, 4), slice(None, None, -2)])
+@pytest.mark.parametrize(
+    "ids", [IDS, IDS.tolist(), np.isin(np.arange(NWORLD), IDS), slice(3, 30, 4), slice(None, None, -2)]
+)
 def test_chosen_worlds_step_alone(ant, precision, backend, ids) -> None:
     whole, some = batch(ant, precision, backend), batch(ant, precision, backend)
     before = kept(some)
@@ -88,7 +90,9 @@ def test_states_come_back_as_they_were_read(ant, precision) -> None:
     np.testing.assert_array_equal(fresh.get("state")[~mask], state[~mask])
     fresh.set_state(state[[7]], ids=[1])
     np.testing.assert_array_equal(fresh.get("state", ids=[1]), state[[7]])
-    with pytest.raises(lanesim.InputError, match=r"array `state` has shape \[37, 3\]; expected \[nworld=37, nstate=30\]"):
+    with pytest.raises(
+        lanesim.InputError, match=r"array `state` has shape \[37, 3\]; expected \[nworld=37, nstate=30\]"
+    ):
         fresh.set_state(np.zeros((NWORLD, 3)))
     with pytest.raises(lanesim.InputError, match="array `state` holds NaN"):
         fresh.set_state(np.full_like(state, np.nan))
@@ -185,7 +189,10 @@ def test_rollouts_write_to_given_arrays(ant, rng, dtype) -> None:
 @pytest.mark.parametrize(
     "arguments, text",
     [
-        ({"control": np.zeros((NWORLD, 5, 3))}, r"array `control` has shape \[37, 5, 3\]; expected \[nworld=37, nstep=5, nu=8\]"),
+        (
+            {"control": np.zeros((NWORLD, 5, 3))},
+            r"array `control` has shape \[37, 5, 3\]; expected \[nworld=37, nstep=5, nu=8\]",
+        ),
         ({"control": np.zeros((4, 5, 8))}, r"expected \[nworld=37, nstep=5, nu=8\]"),
         ({"control": np.zeros((5, 8)), "nstep": 7}, "nstep inferred as 7 but control has 5"),
         ({"control": np.full((5, 8), np.nan)}, "array `control` holds NaN"),
