@@ -45,12 +45,6 @@ pub fn or_list<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str> + Clo
     format!("valid: {}", list.join(", "))
 }
 
-/// `there is no KIND NAME`, and what [`or_list`] adds.
-pub(crate) fn unknown<'a>(kind: &str, name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
-    let remedy = or_list(name, known);
-    format!("there is no {kind} \"{name}\"{}{remedy}", if remedy.is_empty() { "" } else { "; " })
-}
-
 fn letters(word: &str) -> Vec<char> {
     word.chars().take(LONGEST).map(|c| c.to_ascii_lowercase()).collect()
 }

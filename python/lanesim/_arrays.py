@@ -155,7 +155,7 @@ def unknown(kind: str, name: Any, known: Iterable[str], place: str = "") -> str:
     if not isinstance(name, str):
         return f"{kind} {name!r} is a {type(name).__name__}; expected a name"
     remedy = _lanesim.or_list(name, list(known)) or (f"{place} lists what there is" if place else "")
-    return f'there is no {kind} "{name}"' + (f"; {remedy}" if remedy else "")
+    return f"there is no {kind} {name}" + (f"; {remedy}" if remedy else "")
 
 
 def target(name: str, array: Any, shape: tuple[int, ...], dims: Sequence[Dim], kinds: tuple[Any, ...]) -> NDArray[Any]:

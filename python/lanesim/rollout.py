@@ -64,6 +64,8 @@ class Rollout:
 
     def close(self) -> None:
         """Ends the threads."""
+        if self._home != os.getpid():  # They belong to another process, and the lock may be closed for ever.
+            return
         with self._lock:
             self._pool = None
             self._worlds = None

@@ -379,7 +379,7 @@ class Worlds:
         self,
         control: ArrayLike | None = None,
         *,
-        outputs: Sequence[str] = ("state",),
+        outputs: Sequence[str] | None = None,
         nstep: int | None = None,
         ids: Ids = None,
         out: Mapping[str, NDArray[Any]] | None = None,
@@ -391,7 +391,7 @@ class Worlds:
         Args:
             control: [nworld, nstep, nu]; [nstep, nu] for the same in every world; dimensions of length 1 are repeated.
                 None: every world keeps its present controls. The last ones given become the present ones.
-            outputs: What to record (see `lanesim.OUTPUTS`): state quantities after each step, derived ones as the step
+            outputs: What to record (see `lanesim.OUTPUTS`), None for ``["state"]``: state quantities after each step, derived ones as the step
                 computed them, from the state before it.
             nstep: Number of steps; inferred from `control` if None, and 1 without.
             ids: Which worlds; None: all. With `ids`, nworld stands for their number here.
@@ -416,7 +416,9 @@ class Worlds:
                 raise _arrays.wrong_shape("control", np.asarray(control).shape, dims)
             _arrays.check_range("control", ctrl, self.dtype)
             _lanesim.check_finite("control", ctrl)
-        recorded = self._recorded(_arrays.names_of(outputs), (nworld, nstep), out or {})
+        recorded = self._recorded(
+            _arrays.names_of(["state"] if outputs is None else outputs), (nworld, nstep), out or {}
+        )
         for name, array in recorded.items():
             if ctrl is not None and np.may_share_memory(array, ctrl):
                 raise InputError(f"out array `{name}` overlaps `control`, which would change while it is read")

@@ -15,7 +15,7 @@ use pyo3::sync::MutexExt;
 
 use crate::arrays::{Numbers, Target};
 use crate::failure::{self, raise};
-use crate::home::Home;
+use crate::home::{AtHome, Home};
 use crate::model::Model;
 use crate::watch::{Pace, abandonable, watched};
 
@@ -32,7 +32,7 @@ pub fn status_bits() -> Vec<(&'static str, u32)> {
 
 /// Worker threads.
 #[pyclass(frozen, module = "lanesim._lanesim")]
-pub struct Pool(Arc<lanesim::pool::Pool>, Home);
+pub struct Pool(AtHome<Arc<lanesim::pool::Pool>>, Home);
 
 #[pymethods]
 impl Pool {
@@ -40,7 +40,7 @@ impl Pool {
     #[pyo3(signature = (threads=None))]
     fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
         let pool = lanesim::pool::Pool::new(threads).map_err(|e| raise(py, e))?;
-        Ok(Pool(Arc::new(pool), Home::here()))
+        Ok(Pool(AtHome::new(Arc::new(pool)), Home::here()))
     }
 
     #[getter]
@@ -92,7 +92,7 @@ pub struct Worlds {
 }
 
 struct State {
-    worlds: lanesim::Worlds,
+    worlds: AtHome<lanesim::Worlds>,
     /// Of steps, per world.
     stepping: Pace,
     /// Of reading what is derived, per world.
@@ -141,12 +141,13 @@ impl Worlds {
     fn new(py: Python<'_>, model: &Model, nworld: usize, choice: Choice, pool: Option<&Pool>) -> PyResult<Self> {
         pool.map_or(Ok(()), |pool| pool.1.check(py))?;
         let options = choice.options();
-        let (model, pool) = (model.here(py)?, pool.map(|pool| pool.0.clone()));
+        let (model, pool) = (model.here(py)?, pool.map(|pool| Arc::clone(&pool.0)));
         let worlds = abandonable(py, move || match pool {
             Some(pool) => lanesim::Worlds::with_pool(&model, nworld, &options, pool),
             None => lanesim::Worlds::new(&model, nworld, &options),
         })?;
         let worlds = worlds.map_err(|e| raise(py, e))?;
+        let worlds = AtHome::new(worlds);
         let state = Mutex::new(State { worlds, stepping: Pace::default(), reading: Pace::default() });
         Ok(Worlds { state, user: Mutex::new(None), home: Home::here() })
     }

@@ -225,7 +225,7 @@ def test_single_precision(ant) -> None:
         ({"nstep": 2.0}, "whole number"),
         ({"control_spec": 1}, "not built yet"),
         ({"control": np.zeros((1, 1, 1, 1))}, "at most 3 dimensions"),
-        ({"outputs": ["xqos"]}, 'there is no output "xqos"; did you mean "xpos"'),
+        ({"outputs": ["xqos"]}, 'there is no output xqos; did you mean "xpos"'),
         ({"outputs": "qpos"}, "outputs is a str; expected a list of names"),
         ({"initial_state": np.zeros((0, 3))}, "nbatch is 0; expected at least 1"),
         ({"nthread": [1], "persistent_pool": True}, "nthread is .1.; expected a whole number"),

@@ -197,7 +197,7 @@ def test_rollouts_write_to_given_arrays(ant, rng, dtype) -> None:
         ({"control": np.zeros((5, 8)), "nstep": 7}, "nstep inferred as 7 but control has 5"),
         ({"control": np.full((5, 8), np.nan)}, "array `control` holds NaN"),
         ({"outputs": "qpos"}, r"outputs is a str; expected a list of names, such as \['qpos'\]"),
-        ({"outputs": ["qpso"]}, 'there is no output "qpso"; did you mean "qpos"?'),
+        ({"outputs": ["qpso"]}, 'there is no output qpso; did you mean "qpos"?'),
         ({"outputs": ["utterly_unknown"]}, "lanesim.OUTPUTS lists what there is"),
         ({"outputs": ["contact_dist"]}, "differs in length between worlds"),
         ({"outputs": ["qpos"], "out": {"qvel": np.zeros(3)}}, "which is not among the outputs"),

@@ -239,7 +239,7 @@ def test_a_process_forked_while_code_is_made_does_not_wait_for_it() -> None:
 
 
 FORKED = """
-import os, signal, sys
+import gc, os, signal, sys
 import lanesim, numpy as np
 
 model = lanesim.Model.from_xml_path(sys.argv[1])
@@ -255,6 +255,9 @@ if child == 0:
             os._exit(1)
         except lanesim.LanesimError as error:
             assert "forked" in str(error)
+    pool.close()
+    del worlds, pool, use
+    gc.collect()
     lanesim.Worlds(model, 8).step(3)
     again = lanesim.rollout(model, start, nstep=3, persistent_pool=True)[0]
     os._exit(0 if (again == before).all() else 2)

@@ -100,7 +100,7 @@ def test_bad_arguments(ant) -> None:
         worlds.reset([0, 1, 1])
     with pytest.raises(lanesim.UnknownNameError, match="there is no keyframe 3"):
         worlds.reset(key=3)
-    with pytest.raises(lanesim.UnknownNameError, match='there is no output "xqos"; did you mean "xpos"?'):
+    with pytest.raises(lanesim.UnknownNameError, match='there is no output xqos; did you mean "xpos"?'):
         worlds.get("xqos")
     with pytest.raises(lanesim.UnknownNameError, match='"xpos" is computed, not set'):
         worlds.set("xpos", 0.0)

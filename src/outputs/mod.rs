@@ -154,6 +154,9 @@ const TABLE: [(&str, Kind, &str); 61] = [
     ("efc_force", Kind::EfcForce, "forces of rows"),
 ];
 
+/// Where the names of all outputs are, for who meant none that is near.
+const LISTED: &str = "`lanesim rollout --help`, lanesim.OUTPUTS in Python and Output::all in Rust list them";
+
 /// An output that was asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Output {
@@ -164,8 +167,11 @@ pub struct Output {
 impl Output {
     /// The output called `name`.
     pub fn named(name: &str) -> Result<Output, Error> {
-        let found = TABLE.iter().find(|row| row.0 == name).map(|row| Output { name: row.0, kind: row.1 });
-        found.ok_or_else(|| Error::Unknown(suggest::unknown("output", name, TABLE.iter().map(|row| row.0))))
+        TABLE.iter().find(|row| row.0 == name).map(|row| Output { name: row.0, kind: row.1 }).ok_or_else(|| {
+            let near = suggest::did_you_mean(name, TABLE.iter().map(|row| row.0));
+            let remedy = if near.is_empty() { LISTED } else { &near };
+            Error::Unknown(format!("there is no output {name}; {remedy}"))
+        })
     }
 
     /// Names and meanings of all outputs.
