@@ -1,7 +1,7 @@
 //! The engine behind [`Worlds`](crate::Worlds): blocks of one lane type, and the workers that take them through steps.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lanesim_kernels::code::{Code, Outside};
@@ -39,13 +39,16 @@ pub(crate) trait Engine: Send {
     fn set(&mut self, field: Field, world: usize, values: &[f64]);
     fn get(&self, field: Field, world: usize) -> Vec<f64>;
     fn status(&self, world: usize) -> Status;
+    fn any_frozen(&self) -> bool;
     fn firsts(&self, world: usize) -> Vec<First>;
     fn set_status(&mut self, world: usize, status: Status);
     fn reset(&mut self, world: usize, key: &Key);
     fn reset_all(&mut self, mask: Option<&[bool]>, key: &Key);
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>);
-    fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>);
+    fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>, cancel: Option<&AtomicBool>);
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
+    /// Does `work` on an engine that has only these worlds, in this order, and puts them back where they were.
+    fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error>;
     fn vary(&mut self, set: Quantities) -> Result<(), Error>;
     fn put(&mut self, quantity: Quantity, world: usize, values: &[f64]);
     fn state_hash(&self) -> u64;
@@ -63,6 +66,8 @@ struct Crew<L: LaneQuery> {
     model: Model,
     tables: Arc<KernelModel<L::Real>>,
     nworld: usize,
+    /// Numbers of the worlds in the batch, while only some are worked on.
+    chosen: Option<Vec<usize>>,
     max_contacts: usize,
     /// What varies between worlds, and how many numbers of a world those are.
     varying: (Quantities, usize),
@@ -124,17 +129,30 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         let places = (0..pool.threads()).map(|_| Mutex::new(Group::new(&tables, 1, 0))).collect();
         let model = model.clone();
         let varying = (Quantities::NONE, 0);
-        let crew = Crew { model, tables, nworld, max_contacts, varying, restart, steps: 0, pool, workers, places };
+        let crew = Crew {
+            model,
+            tables,
+            nworld,
+            chosen: None,
+            max_contacts,
+            varying,
+            restart,
+            steps: 0,
+            pool,
+            workers,
+            places,
+        };
         Ok(Batch { store, crew })
     }
 
     /// Does `work` for all blocks on all workers, at most `size` at a time, and fewer towards the end, so that the workers end
     /// together. Each of `rows` is an array of equally many entries per
-    /// world; a group of blocks gets those of its worlds.
+    /// world; a group of blocks gets those of its worlds. Once `cancel` is true, no more blocks are begun.
     fn each(
         &mut self,
         size: usize,
         mut rows: Vec<Rows<'_>>,
+        cancel: Option<&AtomicBool>,
         work: impl Fn(&Crew<L>, &mut Job<'_, L>, &mut Worker<L>) + Sync,
     ) {
         let Batch { store, crew } = self;
@@ -155,7 +173,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
             let mut worker = crew.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
             let mut group = crew.places[thread].lock().unwrap_or_else(PoisonError::into_inner);
             group.fit(&crew.tables, size);
-            loop {
+            while !cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
                 // A statement of its own: the queue is locked only while the next block is taken.
                 let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
                 let Some((first_world, worlds, (states, kept), rows)) = next else { break };
@@ -170,7 +188,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
     /// Does `work` for every lane that has a world for which the mask holds, with the world's number.
     fn each_lane(&mut self, mask: Option<&[bool]>, work: impl Fn(&Crew<L>, &mut Block<L>, usize, usize) + Sync) {
-        self.each(1, Vec::new(), |crew, Job { first_world, group, .. }, _| {
+        self.each(1, Vec::new(), None, |crew, Job { first_world, group, .. }, _| {
             for block in group.blocks() {
                 for lane in 0..block.ids.len() {
                     let world = *first_world + block.ids[lane];
@@ -333,6 +351,11 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
+    /// A world's number in the batch; `place` is that among those worked on.
+    fn number(&self, place: usize) -> usize {
+        self.chosen.as_ref().map_or(place, |chosen| chosen[place])
+    }
+
     fn load_controls(&self, rollout: &Rollout<'_>, first_world: usize, block: &mut Block<L>) {
         let nu = self.tables.sizes.nu;
         let Block { state, ids, done: step, .. } = block;
@@ -354,7 +377,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                 }
             }
             Controls::Noise { seed, scale } => {
-                let world = |id: &usize| (first_world + id) as u64;
+                let world = |id: &usize| self.number(first_world + id) as u64;
                 for (part, ids) in ids.chunks(DRAWS).enumerate() {
                     self.draw((seed, scale), *step as u64, ids.iter().map(world), part * DRAWS, &mut state.ctrl);
                 }
@@ -434,6 +457,10 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         self.store.status(world)
     }
 
+    fn any_frozen(&self) -> bool {
+        self.store.any_frozen(self.crew.nworld)
+    }
+
     fn firsts(&self, world: usize) -> Vec<First> {
         let firsts = &self.store.kept[world / L::WIDTH].firsts;
         firsts.iter().filter(|first| first.lane == world % L::WIDTH).copied().collect()
@@ -460,9 +487,9 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         });
     }
 
-    fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>) {
+    fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>, cancel: Option<&AtomicBool>) {
         let plan = Plan::forward(outputs);
-        self.each(1, rows, |crew, Job { group, rows, .. }, worker| {
+        self.each(1, rows, cancel, |crew, Job { group, rows, .. }, worker| {
             for block in group.blocks() {
                 crew.guard(block, worker, |block, worker| crew.read_block(outputs, &plan, rows, block, worker));
             }
@@ -476,9 +503,25 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         let tables = &self.crew.tables;
         let bytes = Store::<L>::block_bytes(&tables.sizes) + self.crew.varying.1 * size_of::<L>();
         let size = group::size(tables, bytes, rollout.nstep);
-        self.each(size, rows, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
+        self.each(size, rows, rollout.cancel, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
         self.crew.steps += rollout.nstep as u64;
         self.crew.collect()
+    }
+
+    fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error> {
+        if ids.is_empty() {
+            return Ok(());
+        }
+        let part = self.store.gather(&self.crew.tables.sizes, ids)?;
+        let whole = std::mem::replace(&mut self.store, part);
+        let nworld = std::mem::replace(&mut self.crew.nworld, ids.len());
+        self.crew.chosen = Some(ids.to_vec());
+        work(self);
+        self.crew.chosen = None;
+        self.crew.nworld = nworld;
+        let part = std::mem::replace(&mut self.store, whole);
+        self.store.scatter(ids, &part);
+        Ok(())
     }
 
     fn vary(&mut self, set: Quantities) -> Result<(), Error> {

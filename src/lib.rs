@@ -23,6 +23,8 @@ pub mod rows;
 pub mod spec;
 pub mod status;
 mod store;
+mod subset;
+pub mod suggest;
 pub mod worlds;
 
 pub use compile::compile;
@@ -34,6 +36,7 @@ pub use plan::Plan;
 pub use rollout::{Controls, Rollout, Trajectories};
 pub use spec::Spec;
 pub use status::{OnDiverge, StatusEvent};
+pub use subset::Reading;
 pub use worlds::{Backend, CodePart, Field, Options, Precision, Running, Worlds};
 
 pub use lanesim_codegen::{InstructionSet, Statistics as CodeStatistics};

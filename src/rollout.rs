@@ -44,6 +44,9 @@ pub enum Controls<'a> {
 pub struct Rollout<'a> {
     /// Number of steps.
     pub nstep: usize,
+    /// Numbers of the worlds that are taken through the steps, each at most once; `None`: all. Rows of controls and outputs
+    /// are theirs, in this order. The other worlds stay as they are, bit by bit.
+    pub ids: Option<&'a [usize]>,
     /// Controls.
     pub controls: Controls<'a>,
     /// What to record at every step: state outputs after the step; derived outputs as the step computed them, from the
@@ -84,7 +87,7 @@ impl Rollout<'_> {
         )))
     }
 
-    /// Checks shapes and values of the controls, and that outputs can be recorded.
+    /// Checks shapes and values of the controls of `nworld` worlds, and that outputs can be recorded.
     pub fn check(&self, model: &Model, nworld: usize) -> Result<(), Error> {
         if let Some(output) = self.outputs.iter().find(|output| output.width(model).is_none()) {
             let name = output.name();

@@ -154,6 +154,12 @@ impl<L: LaneQuery> Store<L> {
         self.kept[world / L::WIDTH].status.lane(world % L::WIDTH)
     }
 
+    /// Whether any of the worlds is frozen.
+    pub fn any_frozen(&self, nworld: usize) -> bool {
+        let expected = |b: usize| L::WIDTH.min(nworld - b * L::WIDTH);
+        self.kept.iter().enumerate().any(|(b, kept)| kept.status.alive.count_ones() as usize != expected(b))
+    }
+
     /// Takes one world's block to `scratch`, lets `work` change it there, and puts it back.
     pub fn change(&mut self, world: usize, scratch: &mut Block<L>, work: impl FnOnce(&mut Block<L>, usize)) {
         let (block, place) = (world / L::WIDTH, self.place(world / L::WIDTH));
@@ -162,11 +168,76 @@ impl<L: LaneQuery> Store<L> {
         scratch.store(&mut self.states[place], &mut self.kept[block]);
     }
 
+    /// Some of the worlds, copied to a store of their own in the order of `ids`, of which there must be one.
+    pub fn gather(&self, sizes: &Sizes, ids: &[usize]) -> Result<Self, Error> {
+        let count = ids.len().div_ceil(L::WIDTH);
+        memory::ask("the chosen worlds", &[count, Self::block_bytes(sizes)])?;
+        let mut part =
+            Store { states: vec![L::zero(); count * self.len], kept: Vec::with_capacity(count), len: self.len };
+        for (b, ids) in ids.chunks(L::WIDTH).enumerate() {
+            let varied = self.kept[ids[0] / L::WIDTH].varied.clone();
+            let mut kept = Kept { status: BlockStatus::default(), applied: None, varied, firsts: Vec::new() };
+            // Lanes without a world hold what the first one does.
+            for to in 0..L::WIDTH {
+                let world = ids.get(to).copied().unwrap_or(ids[0]);
+                let (source, from) = (&self.kept[world / L::WIDTH], world % L::WIDTH);
+                copy(
+                    &self.states[self.place(world / L::WIDTH)],
+                    from,
+                    &mut part.states[b * self.len..][..self.len],
+                    to,
+                );
+                if let Some(applied) = &source.applied {
+                    let mine = kept.applied.get_or_insert_with(|| Box::new(Applied::new(sizes)));
+                    copy_applied(applied, from, mine, to);
+                }
+                if let (Some(varied), Some(mine)) = (&source.varied, &mut kept.varied) {
+                    varied.set().iter().for_each(|q| copy(varied.lanes(q), from, mine.lanes_mut(q), to));
+                }
+                if to < ids.len() {
+                    kept.status.set_lane(to, source.status.lane(from));
+                    let firsts = source.firsts.iter().filter(|first| first.lane == from);
+                    kept.firsts.extend(firsts.map(|first| First { lane: to, ..*first }));
+                }
+            }
+            part.kept.push(kept);
+        }
+        Ok(part)
+    }
+
+    /// Puts worlds back that were gathered by the same `ids`. Parameters stay: runs do not change them.
+    pub fn scatter(&mut self, ids: &[usize], part: &Self) {
+        for (i, world) in ids.iter().enumerate() {
+            let (source, from) = (&part.kept[i / L::WIDTH], i % L::WIDTH);
+            let (place, to) = (self.place(world / L::WIDTH), world % L::WIDTH);
+            copy(&part.states[part.place(i / L::WIDTH)], from, &mut self.states[place], to);
+            let kept = &mut self.kept[world / L::WIDTH];
+            // Forces that were not there were not gathered, and runs set none.
+            if let (Some(applied), Some(mine)) = (&source.applied, &mut kept.applied) {
+                copy_applied(applied, from, mine, to);
+            }
+            kept.status.set_lane(to, source.status.lane(from));
+            kept.firsts.retain(|first| first.lane != to);
+            let firsts = source.firsts.iter().filter(|first| first.lane == from);
+            kept.firsts.extend(firsts.map(|first| First { lane: to, ..*first }));
+        }
+    }
+
     /// Positions and velocities of one world.
     pub fn configuration(&self, sizes: &Sizes, world: usize) -> impl Iterator<Item = L::Real> + '_ {
         let start = self.place(world / L::WIDTH).start + 1;
         self.states[start..start + sizes.nq + sizes.nv].iter().map(move |x| x.get(world % L::WIDTH))
     }
+}
+
+/// Copies one lane of every entry.
+fn copy<L: LaneQuery>(source: &[L], from: usize, target: &mut [L], to: usize) {
+    source.iter().zip(target).for_each(|(source, target)| target.set(to, source.get(from)));
+}
+
+fn copy_applied<L: LaneQuery>(source: &Applied<L>, from: usize, target: &mut Applied<L>, to: usize) {
+    copy(&source.qfrc_applied, from, &mut target.qfrc_applied, to);
+    copy(source.xfrc_applied.as_flattened(), from, target.xfrc_applied.as_flattened_mut(), to);
 }
 
 impl<L: LaneQuery> Block<L> {

@@ -19,6 +19,7 @@ use crate::pool::Pool;
 use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
 use crate::status::{OnDiverge, StatusEvent};
+use crate::subset::Reading;
 
 /// Number type of the simulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -166,6 +167,9 @@ pub enum Field {
 }
 
 impl Field {
+    /// What makes up a row of the output `state`, in its order: MuJoCo's `mjSTATE_FULLPHYSICS`.
+    pub const STATE: [Field; 4] = [Field::Time, Field::Qpos, Field::Qvel, Field::Act];
+
     /// All fields, with MuJoCo's names.
     pub const ALL: [(Field, &'static str); 8] = [
         (Field::Time, "time"),
@@ -364,6 +368,11 @@ impl Worlds {
         (0..self.nworld()).filter(|world| self.engine.status(*world).contains(Status::FROZEN)).count()
     }
 
+    /// Whether any world is frozen: quicker than counting them.
+    pub fn any_lost(&self) -> bool {
+        self.engine.any_frozen()
+    }
+
     /// Resets one world to a keyframe, or to the reference configuration; clears all that it remembers, its status too.
     pub fn reset(&mut self, world: usize, key: Option<usize>) -> Result<(), Error> {
         self.check_world(world)?;
@@ -405,37 +414,25 @@ impl Worlds {
     pub fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>) -> Result<(), Error> {
         let width = field.len(&self.model);
         mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
-        self.check_fit(field.name(), rows, width)?;
+        check_fit(field.name(), rows, self.nworld(), width)?;
         self.engine.write_all(field, rows, mask);
         Ok(())
-    }
-
-    pub(crate) fn check_fit(&self, name: &str, rows: &Strided<'_>, width: usize) -> Result<(), Error> {
-        let nworld = self.nworld();
-        if rows.fits(nworld, width) {
-            return Ok(());
-        }
-        let given = rows.values.len();
-        let expected = nworld * width;
-        Err(Error::Input(format!("{name} has {given} numbers; expected {expected} = nworld {nworld} × {width}")))
     }
 
     /// Writes outputs of all worlds' present states to the caller's arrays, `[nworld, width]` each, on all threads.
     /// Derived ones are computed, as by [`forward`](Worlds::forward); so is everything if no output is named, for the
     /// sake of the worlds' statuses.
     pub fn read_all(&mut self, names: &[&str], rows: Vec<Rows<'_>>) -> Result<(), Error> {
-        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>()?;
-        self.check_rows(&outputs, &rows, 1)?;
-        if outputs.is_empty() {
-            let mut lists = vec![Vec::new(); self.nworld()];
-            self.engine.read_all(&[Output::named("status")?], vec![Rows::Lists(&mut lists)]);
-        }
-        self.engine.read_all(&outputs, rows);
-        Ok(())
+        self.read(&Reading { names, ..Reading::default() }, rows)
     }
 
     /// Rows must hold one entry per number, world and step; lists one per world.
-    fn check_rows(&self, outputs: &[Output], rows: &[Rows<'_>], nstep: usize) -> Result<(), Error> {
+    pub(crate) fn check_rows(
+        &self,
+        outputs: &[Output],
+        rows: &[Rows<'_>],
+        (nworld, nstep): (usize, usize),
+    ) -> Result<(), Error> {
         if outputs.len() != rows.len() {
             return Err(Error::Input(format!("{} arrays for {} outputs", rows.len(), outputs.len())));
         }
@@ -448,7 +445,7 @@ impl Worlds {
                     "{name} differs in length between worlds: it needs a list per world"
                 )));
             };
-            let expected = self.nworld() * nstep * width;
+            let expected = nworld * nstep * width;
             if rows.len() != expected || (lists && nstep != 1) {
                 let given = rows.len();
                 return Err(Error::Input(format!("array for {name} has {given} entries; expected {expected}")));
@@ -472,9 +469,10 @@ impl Worlds {
 
     /// Takes every world through `nstep` steps, block by block.
     pub fn rollout(&mut self, rollout: &Rollout<'_>) -> Result<Trajectories, Error> {
-        rollout.check(&self.model, self.nworld())?;
+        let nworld = self.count(rollout.ids)?;
+        rollout.check(&self.model, nworld)?;
         let zeros = |output: &Output| {
-            memory::zeros("the outputs", &[self.nworld(), rollout.nstep, output.width(&self.model).unwrap_or(0)])
+            memory::zeros("the outputs", &[nworld, rollout.nstep, output.width(&self.model).unwrap_or(0)])
         };
         let mut outputs = rollout.outputs.iter().map(zeros).collect::<Result<Vec<_>, _>>()?;
         let rows = outputs.iter_mut().map(|output| Rows::F64(output)).collect();
@@ -488,21 +486,27 @@ impl Worlds {
         if rollout.nstep > 0 {
             self.model.check_step()?;
         }
-        rollout.check(&self.model, self.nworld())?;
-        self.check_rows(rollout.outputs, &rows, rollout.nstep)?;
-        let trajectories = self.engine.rollout(rollout, rows);
+        let nworld = self.count(rollout.ids)?;
+        rollout.check(&self.model, nworld)?;
+        self.check_rows(rollout.outputs, &rows, (nworld, rollout.nstep))?;
+        let (mut trajectories, mut rows) = (Trajectories::default(), Some(rows));
+        self.on(rollout.ids, &mut |engine| trajectories = engine.rollout(rollout, rows.take().unwrap_or_default()))?;
         if rollout.cancelled() {
             return Err(Error::Cancelled);
         }
         match self.options.on_diverge {
-            OnDiverge::Error => self.first_lost().map_or(Ok(trajectories), Err),
+            OnDiverge::Error => self.first_lost(rollout.ids).map_or(Ok(trajectories), Err),
             OnDiverge::Freeze | OnDiverge::Reset { .. } => Ok(trajectories),
         }
     }
 
-    /// The error that names the world which was lost first.
-    fn first_lost(&self) -> Option<Error> {
-        let lost = (0..self.nworld()).filter(|world| self.engine.status(*world).contains(Status::FROZEN));
+    /// The error that names the world which was lost first, of those chosen.
+    fn first_lost(&self, ids: Option<&[usize]>) -> Option<Error> {
+        if !self.any_lost() {
+            return None;
+        }
+        let ids = ids.map_or_else(|| (0..self.nworld()).collect(), <[usize]>::to_vec);
+        let lost = ids.into_iter().filter(|world| self.engine.status(*world).contains(Status::FROZEN));
         let cause = |world| {
             let firsts = self.engine.firsts(world);
             let frozen = firsts.iter().find(|first| first.status == Status::FROZEN)?.step;
@@ -517,7 +521,7 @@ impl Worlds {
     /// worlds: world, then one array per output.
     pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
         let mut lists = vec![vec![Vec::new(); self.nworld()]; outputs.len()];
-        self.engine.read_all(outputs, lists.iter_mut().map(|list| Rows::Lists(list)).collect());
+        self.engine.read_all(outputs, lists.iter_mut().map(|list| Rows::Lists(list)).collect(), None);
         for world in 0..self.nworld() {
             sink(world, lists.iter_mut().map(|list| std::mem::take(&mut list[world])).collect());
         }
@@ -536,8 +540,18 @@ impl Worlds {
     }
 }
 
+/// An error if the rows of so many worlds do not lie inside the array.
+pub(crate) fn check_fit(name: &str, rows: &Strided<'_>, nworld: usize, width: usize) -> Result<(), Error> {
+    if rows.fits(nworld, width) {
+        return Ok(());
+    }
+    let given = rows.values.len();
+    let expected = nworld * width;
+    Err(Error::Input(format!("{name} has {given} numbers; expected {expected} = nworld {nworld} × {width}")))
+}
+
 /// A keyframe, or the reference configuration.
-fn key_state(model: &Model, key: Option<usize>) -> Result<Key, Error> {
+pub(crate) fn key_state(model: &Model, key: Option<usize>) -> Result<Key, Error> {
     let Some(k) = key else { return Ok(model.initial_key()) };
     let n = model.keys().len();
     model.keys().get(k).cloned().ok_or_else(|| Error::Unknown(format!("there is no keyframe {k}: the model has {n}")))

@@ -55,7 +55,7 @@ fn wrong_controls_are_named() {
 
 #[test]
 fn wrong_outputs_are_named() {
-    fails(Output::named("xpso"), "there is no output xpso; there are time, qpos");
+    fails(Output::named("xpso"), "there is no output xpso; did you mean \"xpos\"?");
     let mut worlds = worlds(&load("zoo/hopper"), 2);
     let ragged = outputs(["contact_dist"]);
     let rollout = Rollout { nstep: 1, outputs: &ragged, ..Rollout::default() };
@@ -85,7 +85,7 @@ fn wrong_inputs_of_eval_are_named() {
     fails(run(&[("qpos", array(&[2, 3], vec![0.0; 6]))], "qacc"), "qpos has shape [2, 3]; expected [N, 2]");
     fails(run(&[("qpos", two.clone()), ("qvel", array(&[1, 2], vec![0.0; 2]))], "qacc"), "another input has 2");
     fails(run(&[("qpos", array(&[1, 2], vec![0.0, f64::NAN]))], "qacc"), "qpos[1] of world 0 is NaN");
-    fails(run(&[("qpos", two)], "qaac"), "there is no output qaac");
+    fails(run(&[("qpos", two)], "qaac"), "there is no output qaac; did you mean \"qacc\"?");
 }
 
 /// What compiles and cannot be run yet, and what is said. The table shrinks as things are built.

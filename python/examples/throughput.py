@@ -1,6 +1,6 @@
 """Steps per second of lanesim.rollout and of mujoco.rollout, same model, same start, same controls.
 
-python throughput.py [MODEL] [--nbatch 4096] [--nstep 100] [--threads 1]
+python throughput.py [MODEL] [--nbatch 4096] [--nstep 100] [--threads 1]     needs mujoco: pip install './python[examples]'
 """
 
 import argparse
@@ -22,9 +22,9 @@ model = lanesim.Model.from_xml_path(args.model)
 rng = np.random.default_rng(0)
 low, high = model.actuator_noiserange.T
 control = rng.uniform(low, high, (args.nbatch, args.nstep, model.nu))
-start = np.concatenate([[0.0], model.qpos0, np.zeros(model.nv)])
+start = np.concatenate([[0.0], model.qpos0, np.zeros(model.nv + model.na)])
 start = np.tile(start, (args.nbatch, 1))
-start[:, 1 + model.nq :] = 0.01 * rng.standard_normal((args.nbatch, model.nv))
+start[:, 1 + model.nq : 1 + model.nq + model.nv] = 0.01 * rng.standard_normal((args.nbatch, model.nv))
 steps = args.nbatch * args.nstep
 
 
@@ -55,7 +55,7 @@ their_rate, theirs = best(lambda: mujoco_rollout.rollout(exact, datas, start, co
 print(f"{model.name}: {args.nbatch} rollouts x {args.nstep} steps, {args.threads} threads")
 report("mujoco.rollout", their_rate, theirs, theirs)
 for precision in ("f64", "f32"):
-    with lanesim.Rollout(nthread=args.threads, precision=precision) as pool:
+    with lanesim.Rollout(threads=args.threads, precision=precision) as pool:
         rate, final = best(lambda: pool.rollout(model, start, control)[0])
     report(f"lanesim {precision}", rate, final, theirs)
     print(f"{'':14} {rate / their_rate:12.1f} x mujoco.rollout")

@@ -8,7 +8,8 @@
 >>> worlds.get("xpos").shape
 (1024, 10, 3)
 
-`Model` compiles MJCF. `Worlds` holds many worlds of a model. `rollout` has the shapes of ``mujoco.rollout``. `OUTPUTS`
+`Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model: ``step``,
+``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names. `rollout` has the shapes of ``mujoco.rollout``. `OUTPUTS`
 describes every quantity that ``Worlds.get`` and ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make
 differ between worlds. `lanesim.gym` has a vector environment.
 """
@@ -20,6 +21,7 @@ from .errors import (
     DivergedError,
     InputError,
     LanesimError,
+    LossWarning,
     ModelError,
     OptionError,
     UnknownNameError,
@@ -29,7 +31,8 @@ from .errors import (
 from .model import Cone, Integrator, Key, Model, Options, Report, Solver
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
-from .worlds import PARAMETERS, Status, StatusEvent, Worlds
+from .status import Status, StatusEvent
+from .worlds import PARAMETERS, Worlds
 
 OUTPUTS: dict[str, str] = dict(_lanesim.OUTPUTS)
 """Names and meanings of everything that can be read or recorded."""
@@ -43,6 +46,7 @@ __all__ = [
     "Integrator",
     "Key",
     "LanesimError",
+    "LossWarning",
     "Model",
     "ModelError",
     "OUTPUTS",

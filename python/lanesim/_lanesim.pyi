@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-__all__ = ["Model", "OUTPUTS", "PARAMETERS", "Pool", "STATUS", "Worlds", "__version__", "check_finite"]
+__all__ = ["Model", "OUTPUTS", "PARAMETERS", "Pool", "STATUS", "Worlds", "__version__", "check_finite", "or_list"]
 
 __version__: str
 STATUS: list[tuple[str, int]]
@@ -18,7 +18,7 @@ _File = tuple[str | None, str, str, str]
 _Overrides = Sequence[tuple[str, str]]
 
 def check_finite(name: str, array: NDArray[Any]) -> None: ...
-
+def or_list(name: str, known: Sequence[str]) -> str: ...
 @final
 class Model:
     @staticmethod
@@ -61,6 +61,7 @@ class Worlds:
         values: NDArray[Any],
         place: tuple[int, int],
         mask: NDArray[np.bool_] | None,
+        ids: NDArray[np.uint64] | None,
         checked: tuple[str, list[int]] | None,
     ) -> None: ...
     def write_parameter(
@@ -69,7 +70,7 @@ class Worlds:
     def parameter(self, name: str) -> NDArray[np.float64]: ...
     def varying(self) -> list[str]: ...
     def read(
-        self, names: Sequence[str], targets: Sequence[NDArray[Any] | None]
+        self, names: Sequence[str], targets: Sequence[NDArray[Any] | None], ids: NDArray[np.uint64] | None
     ) -> list[tuple[int, NDArray[Any]] | None]: ...
     def run(
         self,
@@ -78,8 +79,9 @@ class Worlds:
         names: Sequence[str],
         targets: Sequence[NDArray[Any]],
         progress: Callable[[int], object] | None,
+        ids: NDArray[np.uint64] | None,
     ) -> None: ...
-    def reset(self, mask: NDArray[np.bool_] | None, key: int | None) -> None: ...
+    def reset(self, mask: NDArray[np.bool_] | None, ids: NDArray[np.uint64] | None, key: int | None) -> None: ...
     def statuses(self) -> NDArray[np.uint32]: ...
     def status_detail(self, world: int) -> list[tuple[int, int, str]]: ...
     def set_statuses(self, bits: NDArray[np.uint32]) -> None: ...

@@ -9,6 +9,7 @@ __all__ = [
     "DivergedError",
     "InputError",
     "LanesimError",
+    "LossWarning",
     "ModelError",
     "OptionError",
     "UnknownNameError",
@@ -34,6 +35,10 @@ class Diagnostic(NamedTuple):
 
 class LanesimError(Exception):
     """Any error of lanesim."""
+
+
+class LossWarning(UserWarning):
+    """A lenient load left something out; ``report().losses`` lists it."""
 
 
 class ModelError(LanesimError, ValueError):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import enum
 import os
+import warnings
 from typing import Any, Iterable, Mapping, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _arrays, _lanesim
-from .errors import InputError, UnknownNameError
+from . import _arrays, _lanesim, mjmodel
+from .errors import InputError, LossWarning, ModelError, UnknownNameError
 
 __all__ = ["Cone", "Integrator", "Key", "Model", "Options", "Report", "Solver"]
 
@@ -40,6 +41,8 @@ class Solver(enum.IntEnum):
     Newton = 2
 
 
+KINDS = ("body", "joint", "geom", "site", "actuator", "key")
+"""Kinds of elements that have names."""
 _ENUMS: dict[str, type[enum.IntEnum]] = {"integrator": Integrator, "cone": Cone, "solver": Solver}
 _OPTIONS = (
     "timestep gravity wind magnetic density viscosity impratio tolerance ls_tolerance noslip_tolerance "
@@ -76,6 +79,37 @@ class Key(NamedTuple):
     """Positions of mocap bodies, [nmocap, 3], m."""
     mquat: NDArray[np.float64]
     """Orientations of mocap bodies, [nmocap, 4], (w, x, y, z)."""
+
+
+def _is(value: Any, name: str) -> bool:
+    """Whether a value is of MuJoCo's class of that name. MuJoCo need not be installed."""
+    kind = type(value)
+    return kind.__name__ == name and kind.__module__.partition(".")[0] == "mujoco"
+
+
+def check_model(model: Any) -> None:
+    """An exception that says how to come by a lanesim.Model, if this is none."""
+    if isinstance(model, Model):
+        return
+    if _is(model, "MjModel"):
+        raise TypeError(
+            "model is a mujoco.MjModel; expected a lanesim.Model: lanesim.Model.from_mjmodel(model) makes one of it"
+        )
+    if _is(model, "MjSpec"):
+        raise TypeError(
+            "model is a mujoco.MjSpec; expected a lanesim.Model: lanesim.Model.from_spec(model) makes one of it"
+        )
+    if isinstance(model, (list, tuple)) and model:
+        raise TypeError(f"model is a {type(model).__name__}; expected one lanesim.Model, the same for all worlds")
+    raise TypeError(f"model is a {type(model).__name__}; expected a lanesim.Model, such as Model.from_xml_path loads")
+
+
+def output(model: "Model", name: Any) -> tuple[bool, list[int], bool]:
+    """An output's (lengths equal in all worlds, shape per world or per entry, integer)."""
+    known = dict(_lanesim.OUTPUTS)
+    if not isinstance(name, str) or name not in known:
+        raise UnknownNameError(_arrays.unknown("output", name, known, "lanesim.OUTPUTS"))
+    return model._m.output(name)
 
 
 @runtime_checkable
@@ -115,6 +149,15 @@ def _overrides(options: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     return out
 
 
+def _losses(compiled: _lanesim.Model) -> list[str]:
+    """What a lenient load left out; where the text is a single line, which one is not said."""
+    losses = compiled.losses()
+    file, text, *_ = compiled.document()
+    if file is None and "\n" not in text.strip():
+        losses = [loss.removeprefix("line 1: ") for loss in losses]
+    return losses
+
+
 class Options:
     """Options of a model, MuJoCo's ``model.opt``: read an attribute, or set it.
 
@@ -131,7 +174,7 @@ class Options:
 
     def __getattr__(self, name: str) -> Any:
         if name not in _OPTIONS:
-            raise AttributeError(f"there is no option {name}; there are {', '.join(_OPTIONS)}")
+            raise AttributeError(_arrays.unknown("option", name, self.__dir__()))
         value = self._model._m.array(name)
         if value.ndim == 0:
             return _ENUMS[name](int(value)) if name in _ENUMS else value.item()
@@ -140,7 +183,7 @@ class Options:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name not in _OPTIONS:
-            raise AttributeError(f"there is no option {name}; there are {', '.join(_OPTIONS)}")
+            raise AttributeError(_arrays.unknown("option", name, _OPTIONS))
         self.set(**{name: value})
 
     def set(self, **options: Any) -> None:
@@ -173,7 +216,7 @@ class Model:
     _arrays: dict[str, Any]
 
     def __init__(self) -> None:
-        raise TypeError("use Model.from_xml_path, Model.from_xml_string or Model.from_spec")
+        raise TypeError("use Model.from_xml_path, Model.from_xml_string, Model.from_spec or Model.from_mjmodel")
 
     @classmethod
     def _of(cls, compiled: Any) -> "Model":
@@ -181,6 +224,17 @@ class Model:
         model._m = compiled
         model._arrays = {}
         return model
+
+    @classmethod
+    def _loaded(cls, compiled: Any, caller: int = 3) -> "Model":
+        """The same; the caller that many frames away is warned of what was left out."""
+        losses = _losses(compiled)
+        if losses:
+            more = f", and {len(losses) - 3} more" if len(losses) > 3 else ""
+            text = "; ".join(losses[:3])
+            what = f"left out of the model: {text}{more} (Model.report().losses lists everything)"
+            warnings.warn(what, LossWarning, stacklevel=caller)
+        return cls._of(compiled)
 
     @classmethod
     def from_xml_path(
@@ -192,11 +246,11 @@ class Model:
     ) -> "Model":
         """Loads an MJCF file. Files that it includes are found relative to it.
 
-        `lenient`: leave out what is not supported, with a line in ``report().losses`` each, instead of rejecting the
-        model. `options` replace the file's: names and values of MJCF's ``option``, and of ``flag`` as True or False.
+        `lenient`: leave out what is not supported, with a line in ``report().losses`` each and one `LossWarning`, instead of
+        rejecting the model. `options` replace the file's: names and values of MJCF's ``option``, and of ``flag`` as True or False.
         Raises `ModelError`, which names file, line and element.
         """
-        return cls._of(_lanesim.Model.load(os.fsdecode(path), bool(lenient), _overrides(options)))
+        return cls._loaded(_lanesim.Model.load(os.fsdecode(path), bool(lenient), _overrides(options)))
 
     @classmethod
     def from_xml_string(
@@ -212,6 +266,12 @@ class Model:
             raise TypeError(f"assets is a {type(assets).__name__}; expected a dict from file names to contents")
         if not isinstance(xml, str):
             raise TypeError(f"xml is a {type(xml).__name__}; expected str")
+        return cls._loaded(cls._parse(xml, assets, lenient, options))
+
+    @staticmethod
+    def _parse(
+        xml: str, assets: Mapping[str, str | bytes] | None, lenient: bool, options: Mapping[str, Any] | None
+    ) -> Any:
         files = {}
         for name, content in (assets or {}).items():
             if isinstance(content, bytes):
@@ -220,19 +280,66 @@ class Model:
                 except UnicodeDecodeError:
                     continue  # Meshes and textures; what needs one says so.
             files[str(name)] = content
-        return cls._of(_lanesim.Model.parse(xml, files, bool(lenient), _overrides(options)))
+        return _lanesim.Model.parse(xml, files, bool(lenient), _overrides(options))
 
     @classmethod
     def from_spec(
         cls, spec: SupportsToXml, *, lenient: bool = False, options: Mapping[str, Any] | None = None
     ) -> "Model":
-        """Compiles a model built in code: a `Spec`, or any object whose method ``to_xml`` gives MJCF text, such as
-        ``mujoco.MjSpec``."""
+        """Compiles a model built in code: a `Spec`, a ``mujoco.MjSpec``, or any object whose method ``to_xml`` gives MJCF
+        text.
+
+        A ``mujoco.MjSpec`` is compiled by MuJoCo and taken over number by number, as `from_mjmodel` does: its ``to_xml``
+        rounds to six digits.
+        """
+        if _is(spec, "MjModel"):
+            raise TypeError("spec is a mujoco.MjModel; Model.from_mjmodel takes it")
         if not isinstance(spec, SupportsToXml):
             raise TypeError(f"a {type(spec).__name__} has no method to_xml; expected a Spec")
+        if _is(spec, "MjSpec"):
+            try:
+                compiled = spec.copy().compile()  # type: ignore[attr-defined]
+            except ValueError as error:
+                raise ModelError(f"MuJoCo cannot compile the MjSpec: {error}") from None
+            return cls._loaded(cls._taken(compiled, lenient, options))
         assets = getattr(spec, "assets", None)
         assets = assets if isinstance(assets, Mapping) else None
-        return cls.from_xml_string(spec.to_xml(), assets, lenient=lenient, options=options)
+        return cls._loaded(cls._parse(spec.to_xml(), assets, lenient, options))
+
+    @classmethod
+    def from_mjmodel(cls, model: Any, *, lenient: bool = False, options: Mapping[str, Any] | None = None) -> "Model":
+        """Takes over a ``mujoco.MjModel``, number by number, as it is now: changes that were made after loading count.
+
+        Every array that both have is compared. What lanesim has not got, or what no MJCF could have given (masses that were
+        changed without ``mj_setConst``, for instance), raises `ModelError` with the reason. `lenient` leaves out what is
+        not supported; `options` replace the model's, as in `from_xml_path`. Elements that have no name but that others
+        refer to get one, such as ``geom 3``.
+        """
+        if not _is(model, "MjModel"):
+            raise TypeError(f"model is a {type(model).__name__}; expected a mujoco.MjModel")
+        return cls._loaded(cls._taken(model, lenient, options))
+
+    @classmethod
+    def _taken(cls, exact: Any, lenient: bool, options: Mapping[str, Any] | None) -> Any:
+        try:
+            compiled = cls._parse(mjmodel.spec_of(exact).to_xml(), None, lenient, None)
+        except ModelError as error:  # Lines of a text that nobody has seen help nobody.
+            lines = [
+                f"MjModel: {d.element}: {d.message}" + (f" ({d.remedy})" if d.remedy else "") for d in error.diagnostics
+            ]
+            places = [(None, 0, *d[2:]) for d in error.diagnostics]
+            raise ModelError("\n".join(lines) or str(error), places) from None
+        old = next(mjmodel.stale(exact), None)
+        if old is not None:
+            raise ModelError(
+                f"MjModel: {old}: it was changed after loading; mujoco.mj_setConst(model, data) brings derived constants up "
+                "to date"
+            )
+        wrong = [] if compiled.losses() else list(mjmodel.differences(exact, cls._of(compiled)))
+        if wrong:
+            more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+            raise ModelError(f"MjModel: it holds what MJCF cannot express: {wrong[0]}{more}")
+        return compiled.with_options(_overrides(options)) if options else compiled
 
     def replace(self, **options: Any) -> "Model":
         """The same model with other options, as ``opt.set`` takes them; this one stays as it is."""
@@ -259,7 +366,7 @@ class Model:
 
     def report(self) -> Report:
         """What one should know about the model: notes, and what a lenient load left out."""
-        return Report(self._m.notes(), self._m.losses())
+        return Report(self._m.notes(), _losses(self._m))
 
     def sizes(self) -> dict[str, int]:
         """Numbers of elements by MuJoCo's names."""
@@ -279,7 +386,9 @@ class Model:
         if name not in arrays:
             value = self._m.array(name)
             if value is None:
-                raise AttributeError(f"the model has no attribute {name}; array_names lists its arrays")
+                known = [*dict(self._m.sizes()), *self._m.array_names(), *vars(Model)]
+                remedy = _lanesim.or_list(name, [x for x in known if not x.startswith("_")])
+                raise AttributeError(f"the model has no attribute {name}; {remedy or 'array_names lists its arrays'}")
             value.flags.writeable = False
             arrays[name] = value
         return arrays[name]
@@ -295,17 +404,14 @@ class Model:
         try:
             return self._m.names(kind)
         except KeyError:
-            raise UnknownNameError(
-                f"there is no kind of element {kind}; there are body, joint, geom, site, actuator, key"
-            ) from None
+            raise UnknownNameError(_arrays.unknown("kind of element", kind, KINDS)) from None
 
     def id(self, kind: str, name: str) -> int:
         """Number of the element of that kind and name."""
         known = self.names(kind)
         found = self._m.id(kind, name)
         if found is None:
-            some = ", ".join([x for x in known if x][:20])
-            raise UnknownNameError(f"there is no {kind} {name}; there are {some or 'none with a name'}")
+            raise UnknownNameError(_arrays.unknown(kind, name, [x for x in known if x], f'names("{kind}")'))
         return found
 
     def key(self, key: int | str = 0) -> Key:

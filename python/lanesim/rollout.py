@@ -10,15 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _lanesim, _reuse
-from .errors import InputError, UnsupportedError
-from .model import Model
+from .errors import InputError, LanesimError, UnsupportedError
+from .model import Model, check_model
 from .progress import Progress
-from .worlds import PRECISIONS, Worlds
+from .worlds import BACKENDS, PRECISIONS, Worlds
 
 __all__ = ["Rollout", "rollout"]
 
 STATE_CTRL = 1 << 6
 """MuJoCo's ``mjSTATE_CTRL``, the one `control_spec` that is built."""
+_ARGUMENTS = (
+    "model initial_state control control_spec skip_checks nstep initial_warmstart state sensordata outputs threads "
+    "precision backend chunk_size persistent_pool progress"
+).split()
 
 
 class Rollout:
@@ -28,15 +32,29 @@ class Rollout:
     a context manager; `close` ends the threads.
     """
 
-    def __init__(self, *, nthread: int | None = None, precision: str = "f64") -> None:
-        """`nthread`: worker threads; None or 0: as many as there are processors."""
+    def __init__(
+        self,
+        *,
+        threads: int | None = None,
+        precision: str = "f64",
+        backend: str = "auto",
+        nthread: int | None = None,
+    ) -> None:
+        """`threads`: worker threads; None: as many as there are processors. `precision` and `backend` as for `Worlds`.
+        `nthread`: MuJoCo's name for `threads`; 0 counts as None."""
         _arrays.choice("precision", precision, PRECISIONS)
-        nthread = None if nthread is None else _arrays.count("nthread", nthread)
-        self.nthread = nthread or 0
-        self._precision = precision
-        self._pool: Any = _lanesim.Pool(nthread or None)
+        _arrays.choice("backend", backend, BACKENDS)
+        self.threads = _threads(threads, nthread)
+        self._choice: dict[str, Any] = dict(precision=precision, backend=backend)
+        self._pool: Any = _lanesim.Pool(self.threads or None)
         self._worlds: Worlds | None = None
         self._lock = threading.Lock()
+        self._home = os.getpid()
+
+    @property
+    def nthread(self) -> int:
+        """MuJoCo's name for `threads`."""
+        return self.threads
 
     def __enter__(self) -> "Rollout":
         return self
@@ -46,6 +64,8 @@ class Rollout:
 
     def close(self) -> None:
         """Ends the threads."""
+        if self._home != os.getpid():  # They belong to another process, and the lock may be closed for ever.
+            return
         with self._lock:
             self._pool = None
             self._worlds = None
@@ -55,7 +75,7 @@ class Rollout:
         model: Model,
         initial_state: ArrayLike,
         control: ArrayLike | None = None,
-        *,
+        *rest: Any,
         control_spec: int = STATE_CTRL,
         skip_checks: bool = False,
         nstep: int | None = None,
@@ -65,12 +85,15 @@ class Rollout:
         outputs: Sequence[str] | None = None,
         chunk_size: int | None = None,
         progress: Progress = None,
+        **unknown: Any,
     ) -> Any:
         """Like `lanesim.rollout`."""
+        check_call(model, initial_state, control, rest, unknown)
+        if self._home != os.getpid():  # The lock may be closed for ever.
+            raise LanesimError("made before this process was forked, which has none of its threads: make a new Rollout")
         with self._lock:
             if self._pool is None:
                 raise RuntimeError("rollout requested after thread pool shutdown")
-            _check_kinds(model, initial_state)
             if control_spec != STATE_CTRL:
                 raise UnsupportedError(f"control_spec {control_spec} is not built yet: only mjSTATE_CTRL is")
             if chunk_size is not None:
@@ -83,7 +106,7 @@ class Rollout:
         worlds = self._worlds
         if worlds is None or worlds.nworld != nbatch or worlds.model._m is not model._m:
             self._worlds = None  # Let go of the old ones before there are new ones.
-            worlds = Worlds(model, nbatch, self._precision, _pool=self._pool)
+            worlds = Worlds(model, nbatch, **self._choice, _pool=self._pool)
             self._worlds = worlds
         else:
             worlds.reset()
@@ -94,18 +117,8 @@ class Rollout:
         sensordata = plan.sensordata
         if sensordata is None:
             sensordata = _reuse.empty((nbatch, nstep, model.nsensordata), dtype)
-        arrays, names = [state], ["state"]
-        if isinstance(outputs, str):
-            raise InputError(f"outputs is a str; expected a list of names, such as [{outputs!r}]")
-        recorded: dict[str, NDArray[Any]] = {}
-        for name in outputs or ():
-            fixed, shape, integer = model._m.output(name)
-            if not fixed:
-                raise InputError(f"{name} differs in length between worlds and cannot be recorded in a rollout")
-            if name not in recorded:
-                recorded[name] = _reuse.empty((nbatch, nstep, *shape), np.int32 if integer else dtype)
-                names.append(name)
-                arrays.append(recorded[name])
+        recorded = worlds._recorded(_arrays.names_of(outputs), (nbatch, nstep), {})
+        names, arrays = ["state", *recorded], [state, *recorded.values()]
         plan.start(worlds, not skip_checks)
         worlds._run(nstep, plan.controls(not skip_checks), names, arrays, progress)
         return (state, sensordata) if outputs is None else (state, sensordata, recorded)
@@ -128,20 +141,20 @@ class _Plan:
         self.nstate = 1 + model.nq + model.nv + model.na
         if nstep is not None:
             nstep = _arrays.count("nstep", nstep)
-        start = _lead("initial_state", initial_state, 2)
-        warm = None if initial_warmstart is None else _lead("initial_warmstart", initial_warmstart, 2)
-        ctrl = None if control is None else _lead("control", control, 3)
+        start = _arrays.lead("initial_state", initial_state, 2)
+        warm = None if initial_warmstart is None else _arrays.lead("initial_warmstart", initial_warmstart, 2)
+        ctrl = None if control is None else _arrays.lead("control", control, 3)
         given = [("initial_state", start), ("initial_warmstart", warm), ("control", ctrl)]
         results = [("state", state), ("sensordata", sensordata)]
         for name, array in results:
             if array is not None and (not isinstance(array, np.ndarray) or array.ndim != 3):
                 raise InputError(f"array `{name}` to write to must be a NumPy array [nbatch, nstep, n{name}]")
-        self.nbatch = _arrays.count("nbatch", _infer("nbatch", 0, None, given + results), 1)
-        self.nstep = _infer("nstep", 1, nstep, [("control", ctrl), *results])
+        self.nbatch = _arrays.count("nbatch", _arrays.infer("nbatch", 0, None, given + results), 1)
+        self.nstep = _arrays.infer("nstep", 1, nstep, [("control", ctrl), *results])
         batch, step = ("nbatch", self.nbatch), ("nstep", self.nstep)
-        _trailing("initial_state", start, [batch, ("nstate", self.nstate)])
-        _trailing("initial_warmstart", warm, [batch, ("nv", model.nv)])
-        _trailing("control", ctrl, [batch, step, ("nu", model.nu)])
+        _arrays.trailing("initial_state", start, [batch, ("nstate", self.nstate)])
+        _arrays.trailing("initial_warmstart", warm, [batch, ("nv", model.nv)])
+        _arrays.trailing("control", ctrl, [batch, step, ("nu", model.nu)])
         self.initial_state, self.warmstart, self.control = start, warm, ctrl
         self.state = self._result("state", state, self.nstate)
         self.sensordata = self._result("sensordata", sensordata, model.nsensordata)
@@ -157,15 +170,12 @@ class _Plan:
 
     def start(self, worlds: Worlds, checked: bool) -> None:
         """Puts the worlds where they start."""
-        model, rows = self.model, self.initial_state
+        rows = self.initial_state
         stride = 0 if rows.shape[0] == 1 and self.nbatch > 1 else self.nstate
         check = ("initial_state", list(rows.shape)) if checked else None
         if checked:
             _arrays.check_range("initial_state", rows, worlds.dtype)
-        at = 0
-        for name, width in (("time", 1), ("qpos", model.nq), ("qvel", model.nv), ("act", model.na)):
-            worlds._w.write(name, rows, (at, stride), None, check)
-            at, check = at + width, None
+        worlds._w.write("state", rows, (0, stride), None, None, check)
         if self.warmstart is not None:
             self._warm_start(worlds, self.warmstart, checked)
 
@@ -177,61 +187,58 @@ class _Plan:
         controls = self.controls(checked)
         if self.nstep and controls is not None:
             values, stride, _ = controls
-            worlds._w.write("ctrl", values, (0, stride), None, None)
+            worlds._w.write("ctrl", values, (0, stride), None, None, None)
         with np.errstate(invalid="ignore"):  # A warm start that is not a number is passed over by the solver.
             added = _arrays.numbers("initial_warmstart", warmstart - worlds.get("qacc_smooth"))
-        worlds._w.write("qacc_warmstart", added, (0, self.model.nv), None, None)
+        worlds._w.write("qacc_warmstart", added, (0, self.model.nv), None, None, None)
 
     def controls(self, checked: bool) -> tuple[NDArray[Any], int, int] | None:
         """Controls with their strides from rollout to rollout and from step to step."""
-        ctrl = self.control
-        if ctrl is None:
-            return None
-        if checked:
-            _lanesim.check_finite("control", ctrl)
-        step = 0 if ctrl.shape[1] == 1 else self.model.nu
-        world = 0 if ctrl.shape[0] == 1 else ctrl.shape[1] * self.model.nu
-        return (ctrl, world, step)
+        if checked and self.control is not None:
+            _lanesim.check_finite("control", self.control)
+        return _arrays.strided(self.control)
 
 
-def _check_kinds(model: Model, initial_state: ArrayLike) -> None:
-    """A call meant for ``mujoco.rollout`` should learn what to change."""
-    if not isinstance(model, Model):
-        kind = type(model).__name__
-        raise TypeError(f"model is a {kind}; expected one lanesim.Model, such as Model.from_xml_path loads")
-    several = isinstance(initial_state, (list, tuple)) and len(initial_state) > 0
-    first = initial_state[0] if several else initial_state  # type: ignore[index]
-    if type(first).__name__ == "MjData":
-        raise TypeError("initial_state is MjData, which is not needed here: leave it out, and give nthread if you like")
+def _holds_data(value: Any) -> bool:
+    """Whether this is MjData, or a list of them."""
+    first = value[0] if isinstance(value, (list, tuple)) and value else value
+    return type(first).__name__ == "MjData"
 
 
-def _lead(name: str, values: ArrayLike, ndim: int) -> NDArray[Any]:
-    """Numbers with dimensions of length 1 put in front where some are missing."""
-    array = _arrays.numbers(name, values)
-    if array.ndim > ndim:
-        raise InputError(f"{name} can have at most {ndim} dimensions")
-    return array.reshape((1,) * (ndim - array.ndim) + array.shape)
+def check_call(model: Any, initial_state: Any, control: Any, rest: tuple[Any, ...], unknown: dict[str, Any]) -> None:
+    """A call meant for ``mujoco.rollout`` should learn what to change; other arguments too many are named."""
+    what = "MjData" if not isinstance(initial_state, (list, tuple)) else "a list of MjData"
+    if _holds_data(initial_state) or "data" in unknown:
+        where = f"the second argument, {what}" if _holds_data(initial_state) else "the argument data"
+        raise TypeError(
+            f"leave out {where}: lanesim needs none. mujoco.rollout.rollout(model, data, initial_state, control) becomes "
+            "lanesim.rollout(model, initial_state, control); threads=N takes the place of a list of N"
+        )
+    if isinstance(model, (list, tuple)) and model:
+        raise TypeError("model is a list; lanesim.rollout takes one model per call: give the models one by one")
+    check_model(model)
+    if _holds_data(control):
+        raise TypeError("control is MjData, which is not needed here: leave it out, and give the controls in its place")
+    if rest:
+        raise TypeError(
+            f"rollout takes model, initial_state and control by position, and was given {3 + len(rest)} arguments; name "
+            "the others, such as nstep=100"
+        )
+    for name in unknown:
+        remedy = _lanesim.or_list(name, list(_ARGUMENTS))
+        raise TypeError(f'rollout has no argument "{name}"' + (f"; {remedy}" if remedy.startswith("did") else ""))
 
 
-def _infer(what: str, axis: int, value: int | None, arrays: list[tuple[str, Any]]) -> int:
-    """A dimension on which all arrays agree, unless they have length 1 there."""
-    for name, array in arrays:
-        if array is None or array.ndim <= axis or array.shape[axis] == 1 and value is not None:
-            continue
-        n = array.shape[axis]
-        if value is not None and value != 1 and n != value:
-            raise InputError(f"{what} inferred as {value} but {name} has {n}")
-        value = n
-    return 1 if value is None else value
+def _threads(threads: int | None, nthread: int | None) -> int:
+    """Number of worker threads, by lanesim's name or by MuJoCo's; 0: as many as there are processors."""
+    if threads is not None and nthread is not None:
+        raise InputError("threads and nthread are the same; give one of them")
+    if threads is not None:
+        return _arrays.count("threads", threads, 1)
+    return 0 if nthread is None else _arrays.count("nthread", nthread)
 
 
-def _trailing(name: str, array: NDArray[Any] | None, dims: list[tuple[str, int]]) -> None:
-    """The last dimension must be right; the others were inferred."""
-    if array is not None and array.shape[-1] != dims[-1][1]:
-        raise _arrays.wrong_shape(name, array.shape, dims)
-
-
-_persistent: dict[tuple[int, str], Rollout] = {}
+_persistent: dict[tuple[int, str, str], Rollout] = {}
 _persistent_lock = threading.Lock()
 
 
@@ -239,7 +246,7 @@ def rollout(
     model: Model,
     initial_state: ArrayLike,
     control: ArrayLike | None = None,
-    *,
+    *rest: Any,
     control_spec: int = STATE_CTRL,
     skip_checks: bool = False,
     nstep: int | None = None,
@@ -247,16 +254,19 @@ def rollout(
     state: NDArray[Any] | None = None,
     sensordata: NDArray[Any] | None = None,
     outputs: Sequence[str] | None = None,
-    nthread: int | None = None,
+    threads: int | None = None,
     precision: str = "f64",
+    backend: str = "auto",
     chunk_size: int | None = None,
     persistent_pool: bool = False,
     progress: Progress = None,
+    nthread: int | None = None,
+    **unknown: Any,
 ) -> Any:
     """Rolls out open-loop trajectories from initial states, with the shapes of ``mujoco.rollout.rollout``.
 
     ``mujoco.rollout.rollout(model, data, initial_state, control)`` becomes ``lanesim.rollout(model, initial_state,
-    control)``; `nthread` takes the place of the list of ``MjData``. Keywords mean the same, except that with
+    control)``; `threads` takes the place of the list of ``MjData``. Keywords mean the same, except that with
     `skip_checks` results are still made and shapes still checked. There is one model per call.
 
     Inputs with a dimension of length 1 are repeated along it; missing leading dimensions count as 1. The memory of
@@ -277,17 +287,20 @@ def rollout(
         sensordata: Array to write to, [nbatch, nstep, nsensordata].
         outputs: Names of further quantities to record at every step (see `lanesim.OUTPUTS`): state quantities after the
             step, derived ones as the step computed them, from the state before it.
-        nthread: Worker threads; None or 0: as many as there are processors.
+        threads: Worker threads; None: as many as there are processors.
         precision: "f64" or "f32"; arrays that are made here have that type.
+        backend: "auto", "native", "wide" or "scalar", as for `Worlds`; the same bits.
         chunk_size: Accepted for ``mujoco.rollout``'s sake; work is shared out by blocks of worlds.
         persistent_pool: Keep threads and worlds for the next call.
         progress: True for a bar (needs tqdm), or a function of (world steps done, all of them).
+        nthread: MuJoCo's name for `threads`; 0 counts as None.
 
     Returns:
         state, [nbatch, nstep, nstate], after each step; a world that diverges repeats its last good state.
         sensordata, [nbatch, nstep, nsensordata]: empty, since sensors are not built yet and nsensordata is 0.
         If `outputs` are given, also a dict of arrays [nbatch, nstep, ...].
     """
+    check_call(model, initial_state, control, rest, unknown)
     arguments: dict[str, Any] = dict(
         control_spec=control_spec,
         skip_checks=skip_checks,
@@ -299,14 +312,17 @@ def rollout(
         chunk_size=chunk_size,
         progress=progress,
     )
+    count = _threads(threads, nthread)
+    choice: dict[str, Any] = dict(nthread=count, precision=precision, backend=backend)
     if not persistent_pool:
-        with Rollout(nthread=nthread, precision=precision) as once:
+        with Rollout(**choice) as once:
             return once.rollout(model, initial_state, control, **arguments)
     _arrays.choice("precision", precision, PRECISIONS)
+    _arrays.choice("backend", backend, BACKENDS)
     with _persistent_lock:
-        key = (0 if nthread is None else _arrays.count("nthread", nthread), precision)
+        key = (count, precision, backend)
         if key not in _persistent:
-            _persistent[key] = Rollout(nthread=nthread, precision=precision)
+            _persistent[key] = Rollout(**choice)
     return _persistent[key].rollout(model, initial_state, control, **arguments)
 
 

@@ -3,64 +3,27 @@
 from __future__ import annotations
 
 import copy
-import enum
-from typing import Any, Mapping, NamedTuple, Sequence, overload
+from typing import Any, Mapping, Sequence, Union, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from . import _arrays, _lanesim
+from . import _arrays, _lanesim, _reuse
 from .errors import InputError, UnknownNameError, UnsupportedError
-from .model import Model
+from .model import Model, check_model, output
 from .progress import Progress, following
+from .status import Status, StatusEvent
 
-__all__ = ["PARAMETERS", "Status", "StatusEvent", "Worlds"]
+__all__ = ["PARAMETERS", "Worlds"]
 
 PARAMETERS: dict[str, str] = dict(_lanesim.PARAMETERS)
 """Names and meanings of the model's arrays that can differ from world to world."""
 
 
-class Status(enum.IntFlag):
-    """What happened to a world: bits that stay set until it is reset."""
-
-    NonFinitePos = 1 << 0
-    """A position would have become NaN or infinite."""
-    NonFiniteVel = 1 << 1
-    """A velocity would have become NaN or infinite."""
-    NonFiniteAcc = 1 << 2
-    """An acceleration was NaN or infinite."""
-    HugeValue = 1 << 3
-    """A value exceeded the largest magnitude."""
-    BadCtrl = 1 << 4
-    """A control was NaN or infinite: all controls of that step were 0."""
-    QuatZero = 1 << 5
-    """A quaternion from outside had no length."""
-    QuatFar = 1 << 6
-    """A quaternion from outside was far from unit length."""
-    SingularInertia = 1 << 7
-    """The inertia matrix had a pivot near zero."""
-    ContactOverflow = 1 << 9
-    """More contacts than the capacity."""
-    NotConverged = 1 << 10
-    """The solver reached its limit of iterations."""
-    CallbackFailed = 1 << 14
-    """Code that a step called has failed."""
-    Frozen = 1 << 15
-    """The world is frozen: its state is the last good one, and it is stepped no more."""
-
-
-class StatusEvent(NamedTuple):
-    """The first time that a bit was set in a world."""
-
-    status: Status
-    """The bit."""
-    step: int
-    """Steps that the batch had taken before the one in which it happened."""
-    place: str
-    """Where, such as ``joint 3 "knee"``; empty: the world as a whole."""
-
-
 PRECISIONS = ("f64", "f32")
+BACKENDS = ("auto", "native", "wide", "scalar")
+Ids = Union[ArrayLike, slice, None]
+"""Which worlds: an array of their numbers, a mask [nworld] of bool, or a slice; None: all."""
 _FORCES = ("qfrc_applied", "xfrc_applied")
 _COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body": "nbody"}
 _KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart")
@@ -87,6 +50,10 @@ class Worlds:
     the copy is read-only, so that ``worlds.qpos[0] = 1`` cannot pass unnoticed without effect. Assign whole arrays
     (``worlds.qpos = q``; a single row goes to every world), or use `set` with a mask. Numbers are float64, or float32 if
     `precision` is "f32".
+
+    `step`, `rollout`, `get`, `set`, `set_state`, `reset` and `forward` take `ids`: an array of worlds' numbers, each at most
+    once, in any order, a mask of bool, [nworld], or a slice. Arrays then have a row for each of these worlds, in that order.
+    What is done costs what so many worlds take, and the others keep their bits.
 
     precision: "f64", or "f32" for twice the worlds per vector register.
     threads: worker threads; None: as many as there are processors.
@@ -115,12 +82,11 @@ class Worlds:
         max_contacts: int = 1024,
         _pool: Any = None,
     ) -> None:
-        if not isinstance(model, Model):
-            raise TypeError(f"model is a {type(model).__name__}; expected a lanesim.Model")
+        check_model(model)
         nworld = _arrays.count("nworld", nworld, 1)
         _arrays.choice("precision", precision, PRECISIONS)
         _arrays.choice("on_diverge", on_diverge, ("freeze", "reset", "raise"))
-        _arrays.choice("backend", backend, ("auto", "native", "wide", "scalar"))
+        _arrays.choice("backend", backend, BACKENDS)
         threads = None if threads is None else _arrays.count("threads", threads, 1)
         max_contacts = _arrays.count("max_contacts", max_contacts, 0)
         self._model = copy.copy(model)  # Options set later concern worlds made later.
@@ -242,10 +208,12 @@ class Worlds:
             raise InputError(f"there is no world {world}: the batch has {self._nworld}, counted from 0")
         return [StatusEvent(Status(bit), step, place) for bit, step, place in self._w.status_detail(world)]
 
-    def set(self, name: str, values: ArrayLike, mask: ArrayLike | None = None) -> None:
-        """Sets a field of every world, or of those where `mask` ([nworld], bool) is true; or a parameter of the model.
+    def set(self, name: str, values: ArrayLike, mask: ArrayLike | None = None, *, ids: Ids = None) -> None:
+        """Sets a field of every world, of those where `mask` ([nworld], bool) is true, or of those that `ids` names; or a
+        parameter of the model.
 
-        `values` has the field's shape [nworld, ...], or that of one row, which every world gets. Integers and other
+        Fields are the properties ``time``, ``qpos``, ... and ``state`` (see `set_state`). `values` has the field's shape
+        [nworld, ...], with `ids` [len(ids), ...], or that of one row, which every world gets. Integers and other
         floats are converted; numbers that are not finite, other types and other shapes raise `InputError`.
 
         A parameter is an array of the model that can differ from world to world, such as ``gravity`` or ``geom_friction``:
@@ -254,21 +222,40 @@ class Worlds:
         constants would make inconsistent, or a flag without effect, raises `InputError` with the reason.
 
         >>> worlds.set("gravity", [0.0, 0.0, -1.62], mask=moon)
+        >>> worlds.set("qvel", 0.1 * rng.standard_normal((3, model.nv)), ids=[4, 0, 17])
         >>> worlds.set("geom_friction", model.geom_friction * rng.uniform(0.5, 1.5, (worlds.nworld, 1, 1)))
         """
-        mask = _arrays.mask_of(mask, self._nworld)
+        where, numbers = _arrays.chosen(mask, ids, self._nworld)
         row = self._row(name)
-        array = _arrays.per_world(name, values, self._nworld, row)
+        count = self._nworld if numbers is None else len(numbers)
+        array = _arrays.per_world(name, values, count, row, "nworld" if numbers is None else "ids")
         _arrays.check_range(name, array, self.dtype)
         width = int(np.prod([n for _, n in row]))
-        single = array.ndim == len(row) or (array.shape[0] == 1 and self._nworld > 1)
+        single = array.ndim == len(row) or (array.shape[0] == 1 and count > 1)
         stride = 0 if single else width
         if name in PARAMETERS:
             _lanesim.check_finite(name, array)
-            self._w.write_parameter(name, array, (0, stride), mask)
+            if numbers is not None:
+                rows = np.zeros((self._nworld, *(n for _, n in row)), dtype=array.dtype)
+                where = np.zeros(self._nworld, dtype=bool)
+                rows[numbers], where[numbers] = array, True
+                array, stride = rows, width
+            self._w.write_parameter(name, array, (0, stride), where)
             return
-        self._w.write(name, array, (0, stride), mask, (name, list(array.shape)))
+        self._w.write(name, array, (0, stride), where, numbers, (name, list(array.shape)))
         self._forced |= name in _FORCES
+
+    def set_state(self, rows: ArrayLike, mask: ArrayLike | None = None, *, ids: Ids = None) -> None:
+        """Sets whole states: rows of time, qpos, qvel and act, as ``get("state")`` gives them and as `lanesim.rollout`
+        takes and returns them, [nworld or len(ids), nstate], or one for every world.
+
+        Controls, warm start, forces from outside and status stay as they are; `reset` clears them. The warm start only
+        decides where the solver starts.
+
+        >>> state = worlds.get("state", ids=best)
+        >>> worlds.set_state(state, ids=worst)
+        """
+        self.set("state", rows, mask, ids=ids)
 
     def _row(self, name: str) -> list[tuple[str, int]]:
         """A field's dimensions after the first."""
@@ -282,15 +269,17 @@ class Worlds:
             "qacc_warmstart": [("nv", m.nv)],
             "qfrc_applied": [("nv", m.nv)],
             "xfrc_applied": [("nbody", m.nbody), ("", 6)],
+            "state": [("nstate", 1 + m.nq + m.nv + m.na)],
         }
         if isinstance(name, str) and name in PARAMETERS:
-            shape = m._m.array(name).shape
+            shape = getattr(m, name).shape
             return list(zip([_COUNTS.get(name.split("_")[0], ""), ""], shape))
         if isinstance(name, str) and m._m.array(name) is not None:
             self._w.parameter(name)  # Which says why it cannot.
         if not isinstance(name, str) or name not in rows:
-            known = ", ".join([*rows, *PARAMETERS])
-            raise UnknownNameError(f"there is no field {name} to set; there are {known}")
+            if isinstance(name, str) and name in dict(_lanesim.OUTPUTS):
+                raise UnknownNameError(f'"{name}" is computed, not set; what can be set is {", ".join(rows)}')
+            raise UnknownNameError(_arrays.unknown("field", name, [*rows, *PARAMETERS], "help(Worlds.set)"))
         return rows[name]
 
     @property
@@ -298,49 +287,59 @@ class Worlds:
         """Names of the parameters that differ between worlds, in the order in which they began to."""
         return tuple(self._w.varying())
 
-    def _parameter(self, name: str, out: NDArray[Any] | None) -> NDArray[Any]:
+    def _parameter(self, name: str, out: NDArray[Any] | None, ids: NDArray[Any] | None) -> NDArray[Any]:
         row = self._row(name)
-        shape = (self._nworld, *(n for _, n in row))
-        rows = self._w.parameter(name).reshape(shape)
+        rows: NDArray[Any] = self._w.parameter(name).reshape(self._nworld, *(n for _, n in row))
+        if ids is not None:
+            rows = rows[ids]
         if out is None:
             return rows
-        dims = [("nworld", self._nworld), *row]
-        np.copyto(_arrays.target(name, out, shape, dims, (np.float64, np.float32)), rows, casting="same_kind")
+        dims = [("nworld", len(rows)), *row]
+        np.copyto(_arrays.target(name, out, rows.shape, dims, (np.float64, np.float32)), rows, casting="same_kind")
         return out
 
     @overload
-    def get(self, name: str, out: NDArray[Any] | None = None) -> NDArray[Any]: ...
+    def get(self, name: str, out: NDArray[Any] | None = None, *, ids: Ids = None) -> NDArray[Any]: ...
     @overload
-    def get(self, name: list[str] | tuple[str, ...]) -> dict[str, NDArray[Any]]: ...
-    def get(self, name: str | list[str] | tuple[str, ...], out: NDArray[Any] | None = None) -> Any:
-        """A field of every world, or several at once as a dict; `lanesim.OUTPUTS` describes them.
+    def get(self, name: list[str] | tuple[str, ...], *, ids: Ids = None) -> dict[str, NDArray[Any]]: ...
+    def get(self, name: str | list[str] | tuple[str, ...], out: NDArray[Any] | None = None, *, ids: Ids = None) -> Any:
+        """A field of every world or of those that `ids` names, or several fields at once as a dict; `lanesim.OUTPUTS`
+        describes them.
 
         State fields are copied; derived ones (``xpos``, ``qM``, ``qacc``, ``contact_dist``, ...) are computed for the
-        present state, as `forward` does. Shapes are MuJoCo's with a leading [nworld]. Where worlds differ in length
-        (contacts, constraint rows) arrays are padded with zeros to the longest, and ``ncon`` and ``nefc`` count.
+        present state, as `forward` does. Shapes are MuJoCo's with a leading [nworld], or [len(ids)]. Where worlds differ in
+        length (contacts, constraint rows) arrays are padded with zeros to the longest, and ``ncon`` and ``nefc`` count.
         Parameters (see `set`) are the numbers that were set, in float64.
 
         `out`: an array of that shape, float64 or float32 (int32 for integers), to write to instead of a new one.
         """
-        if isinstance(name, str):
-            return self._read([name], [out])[0]
-        if out is not None:
-            raise InputError("out goes with a single name")
-        names = list(name)
-        return dict(zip(names, self._read(names, [None] * len(names))))
+        numbers = _arrays.ids_of(ids, self._nworld)
+        if isinstance(name, (list, tuple)):
+            if out is not None:
+                raise InputError("out goes with a single name")
+            names = _arrays.names_of(name)
+            return dict(zip(names, self._read(names, [None] * len(names), numbers)))
+        return self._read([name], [out], numbers)[0]
 
-    def _read(self, names: list[str], outs: list[NDArray[Any] | None]) -> list[NDArray[Any]]:
+    def _read(
+        self, names: list[str], outs: list[NDArray[Any] | None], ids: NDArray[Any] | None = None
+    ) -> list[NDArray[Any]]:
         derived = [(name, out) for name, out in zip(names, outs) if name not in PARAMETERS]
-        arrays = iter(self._compute([name for name, _ in derived], [out for _, out in derived]))
-        return [self._parameter(name, out) if name in PARAMETERS else next(arrays) for name, out in zip(names, outs)]
+        arrays = iter(self._compute([name for name, _ in derived], [out for _, out in derived], ids) if derived else ())
+        return [
+            self._parameter(name, out, ids) if name in PARAMETERS else next(arrays) for name, out in zip(names, outs)
+        ]
 
-    def _compute(self, names: list[str], outs: list[NDArray[Any] | None]) -> list[NDArray[Any]]:
+    def _compute(
+        self, names: list[str], outs: list[NDArray[Any] | None], ids: NDArray[Any] | None
+    ) -> list[NDArray[Any]]:
+        nworld = self._nworld if ids is None else len(ids)
         arrays: list[Any] = []
         shapes = []
         for name, out in zip(names, outs):
-            fixed, shape, integer = self._model._m.output(name)
+            fixed, shape, integer = output(self._model, name)
             shapes.append(shape)
-            whole = (self._nworld, *shape)
+            whole = (nworld, *shape)
             if not fixed:
                 if out is not None:
                     raise InputError(f"{name} differs in length between worlds: out cannot be given")
@@ -349,48 +348,138 @@ class Worlds:
                 arrays.append(np.empty(whole, dtype=np.int32 if integer else self.dtype))
             else:
                 kinds = (np.int32,) if integer else (np.float64, np.float32)
-                dims = [("nworld", self._nworld), *(("", n) for n in shape)]
+                dims = [("nworld" if ids is None else "ids", nworld), *(("", n) for n in shape)]
                 arrays.append(_arrays.target(name, out, whole, dims, kinds))
-        padded = self._w.read(names, arrays)
+        padded = self._w.read(names, arrays, ids)
         for i, entry in enumerate(padded):
             if entry is not None:
                 longest, flat = entry
                 width = int(np.prod(shapes[i]))
-                arrays[i] = flat.reshape(self._nworld, longest // width if width else 0, *shapes[i])
+                arrays[i] = flat.reshape(nworld, longest // width if width else 0, *shapes[i])
         return arrays
 
     # ---- time ----------------------------------------------------------------------------------------------------
 
-    def step(self, n: int = 1, ctrl: ArrayLike | None = None, *, progress: Progress = None) -> None:
-        """Advances every world by `n` steps with its present controls, or with `ctrl` ([nworld, nu] or [nu]), which
-        become the present ones.
+    def step(
+        self, nstep: int = 1, ctrl: ArrayLike | None = None, *, ids: Ids = None, progress: Progress = None
+    ) -> None:
+        """Advances every world, or those that `ids` names, by `nstep` steps with the present controls, or with `ctrl`
+        ([nworld or len(ids), nu] or [nu]), which become the present ones.
 
         Ctrl-C stops a long run: every world has then made some whole number of steps, not all the same number.
         `progress`: True for a bar (needs tqdm), or a function that is called with (world steps done, all of them).
         """
-        n = _arrays.count("n", n)
+        nstep = _arrays.count("nstep", nstep)
+        numbers = _arrays.ids_of(ids, self._nworld)
         if ctrl is not None:
-            self.set("ctrl", ctrl)
-        self._run(n, None, [], [], progress)
+            self.set("ctrl", ctrl, ids=ids)
+        self._run(nstep, None, [], [], progress, numbers)
 
-    def _run(self, nstep: int, controls: Any, names: list[str], targets: list[Any], progress: Progress) -> None:
-        with following(progress, self._nworld * nstep) as callback:
-            self._w.run(nstep, controls, names, targets, callback)
+    def rollout(
+        self,
+        control: ArrayLike | None = None,
+        *,
+        outputs: Sequence[str] | None = None,
+        nstep: int | None = None,
+        ids: Ids = None,
+        out: Mapping[str, NDArray[Any]] | None = None,
+        progress: Progress = None,
+    ) -> dict[str, NDArray[Any]]:
+        """Steps from the present states on under given controls, and records every step; parameters that were set are in
+        force.
 
-    def forward(self) -> None:
+        Args:
+            control: [nworld, nstep, nu]; [nstep, nu] for the same in every world; dimensions of length 1 are repeated.
+                None: every world keeps its present controls. The last ones given become the present ones.
+            outputs: What to record (see `lanesim.OUTPUTS`), None for ``["state"]``: state quantities after each step, derived ones as the step
+                computed them, from the state before it.
+            nstep: Number of steps; inferred from `control` if None, and 1 without.
+            ids: Which worlds; None: all. With `ids`, nworld stands for their number here.
+            out: Arrays to write to, by output: [nworld, nstep, ...], float64 or float32 (int32 for integers).
+            progress: True for a bar (needs tqdm), or a function of (world steps done, all of them).
+
+        Returns:
+            A dict: for each output an array [nworld, nstep, ...].
+
+        >>> rows = worlds.rollout(rng.uniform(-1, 1, (50, model.nu)), outputs=["qpos", "subtree_com"])
+        >>> rows["qpos"].shape
+        (1024, 50, 15)
+        """
+        numbers = _arrays.ids_of(ids, self._nworld)
+        nworld = self._nworld if numbers is None else len(numbers)
+        nstep = None if nstep is None else _arrays.count("nstep", nstep)
+        ctrl = None if control is None else _arrays.lead("control", control, 3)
+        nstep = _arrays.infer("nstep", 1, nstep, [("control", ctrl)])
+        if ctrl is not None:
+            dims = [("nworld" if numbers is None else "ids", nworld), ("nstep", nstep), ("nu", self._model.nu)]
+            if ctrl.shape[0] not in (1, nworld) or ctrl.shape[2] != self._model.nu:
+                raise _arrays.wrong_shape("control", np.asarray(control).shape, dims)
+            _arrays.check_range("control", ctrl, self.dtype)
+            _lanesim.check_finite("control", ctrl)
+        recorded = self._recorded(
+            _arrays.names_of(["state"] if outputs is None else outputs), (nworld, nstep), out or {}
+        )
+        for name, array in recorded.items():
+            if ctrl is not None and np.may_share_memory(array, ctrl):
+                raise InputError(f"out array `{name}` overlaps `control`, which would change while it is read")
+        self._run(nstep, _arrays.strided(ctrl), list(recorded), list(recorded.values()), progress, numbers)
+        return recorded
+
+    def _recorded(
+        self, names: list[str], lead: tuple[int, int], out: Mapping[str, NDArray[Any]]
+    ) -> dict[str, NDArray[Any]]:
+        """Arrays [*lead, ...] to record outputs in: those given, and new ones."""
+        if not isinstance(out, Mapping):
+            raise InputError(f"out is a {type(out).__name__}; expected a dict from outputs' names to arrays")
+        for name in out:
+            if name not in names:
+                raise InputError(f'out has an array for "{name}", which is not among the outputs')
+        recorded: dict[str, NDArray[Any]] = {}
+        for name in names:
+            fixed, shape, integer = output(self._model, name)
+            if not fixed:
+                raise InputError(f"{name} differs in length between worlds and cannot be recorded in a rollout")
+            whole = (*lead, *shape)
+            if name in out:
+                dims = [("nworld", lead[0]), ("nstep", lead[1]), *(("", n) for n in shape)]
+                kinds = (np.int32,) if integer else (np.float64, np.float32)
+                recorded[name] = _arrays.target(name, out[name], whole, dims, kinds)
+            else:
+                recorded[name] = _reuse.empty(whole, np.int32 if integer else self.dtype)
+        given = list(out.values())
+        for i, array in enumerate(given):
+            if any(np.may_share_memory(array, other) for other in given[i + 1 :]):
+                raise InputError("two arrays of out overlap; each needs memory of its own")
+        return recorded
+
+    def _run(
+        self,
+        nstep: int,
+        controls: Any,
+        names: list[str],
+        targets: list[Any],
+        progress: Progress,
+        ids: NDArray[Any] | None = None,
+    ) -> None:
+        nworld = self._nworld if ids is None else len(ids)
+        with following(progress, nworld * nstep) as callback:
+            self._w.run(nstep, controls, names, targets, callback, ids)
+
+    def forward(self, *, ids: Ids = None) -> None:
         """Computes everything up to the acceleration for the present states, and with it `status`.
 
         Nothing is stored; `get` computes what it returns.
         """
-        self._w.read([], [])
+        self._w.read([], [], _arrays.ids_of(ids, self._nworld))
 
-    def reset(self, mask: ArrayLike | None = None, key: int | str | None = None) -> None:
-        """Puts every world, or those where `mask` ([nworld], bool) is true, into a keyframe (number or name) or into the
-        reference configuration, and clears forces from outside, warm start and status."""
+    def reset(self, mask: ArrayLike | None = None, key: int | str | None = None, *, ids: Ids = None) -> None:
+        """Puts every world, those where `mask` ([nworld], bool) is true, or those that `ids` names, into a keyframe (number
+        or name) or into the reference configuration, and clears forces from outside, warm start and status."""
         index = None if key is None else self._model._key(key)
         if index is not None:
             self.mocap_pos, self.mocap_quat = self._model.key(index)[-2:]  # Which must be where they are.
-        self._w.reset(_arrays.mask_of(mask, self._nworld), index)
+        where, numbers = _arrays.chosen(mask, ids, self._nworld)
+        self._w.reset(where, numbers, index)
 
     def save_state(self) -> dict[str, NDArray[Any]]:
         """All that is kept of the worlds, bit by bit: a dict of arrays, fit for ``np.savez`` and for `load_state`."""
@@ -429,7 +518,7 @@ class Worlds:
                 continue
             width = int(np.prod([n for _, n in self._row(name)]))
             stride = width if array.ndim == 1 + len(self._row(name)) else 0
-            self._w.write(name, array, (0, stride), None, None)
+            self._w.write(name, array, (0, stride), None, None, None)
             self._forced |= name in _FORCES
         self._w.set_statuses(status)
 

@@ -57,3 +57,9 @@ pub fn check_finite(py: Python<'_>, name: &str, array: Numbers<'_>) -> PyResult<
     };
     py.detach(|| values.check_finite(name, shape)).map_err(|e| raise(py, e))
 }
+
+/// `did you mean "x"?` for the known name nearest to `name`, or the list if it is short and none is near, or nothing.
+#[pyfunction]
+pub fn or_list(name: &str, known: Vec<String>) -> String {
+    lanesim::suggest::or_list(name, known.iter().map(String::as_str))
+}

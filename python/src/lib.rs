@@ -5,6 +5,7 @@
 
 mod arrays;
 mod failure;
+mod home;
 mod model;
 mod watch;
 mod worlds;
@@ -15,7 +16,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _lanesim {
     #[pymodule_export]
-    use super::arrays::check_finite;
+    use super::arrays::{check_finite, or_list};
     #[pymodule_export]
     use super::model::Model;
     #[pymodule_export]

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
+use lanesim::Diagnostics;
 use lanesim::mjcf::{self, Document, Include, LoadOptions};
 use lanesim::model::{ArrayData, Names};
 use lanesim::outputs::Output;
@@ -13,11 +14,16 @@ use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 
 use crate::failure::{self, rejected};
+use crate::home::Home;
+use crate::watch::abandonable;
 
 /// A compiled model; immutable.
 #[pyclass(frozen, module = "lanesim._lanesim")]
 pub struct Model {
-    pub model: lanesim::Model,
+    model: lanesim::Model,
+    home: Home,
+    /// The same compiled anew in a forked process.
+    anew: Mutex<Option<(Home, lanesim::Model)>>,
     source: Arc<Source>,
     spec: Spec,
     overrides: Overrides,
@@ -37,8 +43,42 @@ type File = (Option<String>, String, String, String);
 
 impl Model {
     fn compile(py: Python<'_>, source: Arc<Source>, spec: Spec, overrides: Overrides) -> PyResult<Model> {
-        let model = py.detach(|| lanesim::Model::from_spec(&spec)).map_err(|e| rejected(py, &e))?;
-        Ok(Model { model, source, spec, overrides })
+        let compile = move || (lanesim::Model::from_spec(&spec), spec);
+        let (model, spec) = abandonable(py, compile)?;
+        let model = model.map_err(|e| rejected(py, &e))?;
+        Ok(Model { model, home: Home::here(), anew: Mutex::new(None), source, spec, overrides })
+    }
+
+    /// Reads a document, then compiles what it describes.
+    fn read(
+        py: Python<'_>,
+        lenient: bool,
+        overrides: Overrides,
+        read: impl FnOnce(&LoadOptions) -> Result<(Document, Spec), Diagnostics> + Send + 'static,
+    ) -> PyResult<Model> {
+        let options = LoadOptions { lenient, overrides: overrides.clone() };
+        let (document, spec) = abandonable(py, move || read(&options))?.map_err(|e| rejected(py, &e))?;
+        Model::compile(py, Arc::new(Source { document, lenient }), spec, overrides)
+    }
+
+    /// The model, fit for stepping in this process. Where it was made by the parent of a forked process, some thread may
+    /// have been making its code, and nobody would ever end that: it is compiled anew.
+    pub fn here(&self, py: Python<'_>) -> PyResult<lanesim::Model> {
+        if self.home.is_here() {
+            return Ok(self.model.clone());
+        }
+        // A lock that a thread held during the fork stays closed.
+        let mut kept = self.anew.try_lock().ok();
+        if let Some(Some((home, model))) = kept.as_deref()
+            && home.is_here()
+        {
+            return Ok(model.clone());
+        }
+        let model = py.detach(|| lanesim::Model::from_spec(&self.spec)).map_err(|e| rejected(py, &e))?;
+        if let Some(kept) = &mut kept {
+            **kept = Some((Home::here(), model.clone()));
+        }
+        Ok(model)
     }
 
     fn names_of(&self, kind: &str) -> PyResult<&Names> {
@@ -59,22 +99,18 @@ impl Model {
 impl Model {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, lenient: bool, overrides: Overrides) -> PyResult<Model> {
-        let options = LoadOptions { lenient, overrides: overrides.clone() };
-        let (document, spec) = py.detach(|| Document::load(&path, &options)).map_err(|e| rejected(py, &e))?;
-        Model::compile(py, Arc::new(Source { document, lenient }), spec, overrides)
+        Model::read(py, lenient, overrides, move |options| Document::load(&path, options))
     }
 
     #[staticmethod]
     fn parse(
         py: Python<'_>,
-        text: &str,
+        text: String,
         files: BTreeMap<String, String>,
         lenient: bool,
         overrides: Overrides,
     ) -> PyResult<Model> {
-        let options = LoadOptions { lenient, overrides: overrides.clone() };
-        let (document, spec) = py.detach(|| Document::parse(text, &files, &options)).map_err(|e| rejected(py, &e))?;
-        Model::compile(py, Arc::new(Source { document, lenient }), spec, overrides)
+        Model::read(py, lenient, overrides, move |options| Document::parse(&text, &files, options))
     }
 
     /// The model from what `document` returned.
@@ -89,9 +125,7 @@ impl Model {
     ) -> PyResult<Model> {
         let includes = includes.into_iter().map(|(by, name, path, text)| Include { by, name, path, text }).collect();
         let document = Document { file, text, includes };
-        let options = LoadOptions { lenient, overrides: overrides.clone() };
-        let spec = py.detach(|| document.spec(&options)).map_err(|e| rejected(py, &e))?;
-        Model::compile(py, Arc::new(Source { document, lenient }), spec, overrides)
+        Model::read(py, lenient, overrides, move |options| document.spec(options).map(|spec| (document, spec)))
     }
 
     /// All that the model was made from.

@@ -1,6 +1,5 @@
 //! A batch of worlds, shared between threads of the interpreter.
 
-use std::process;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
@@ -8,7 +7,7 @@ use std::time::Instant;
 
 use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided};
-use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Precision, Rollout};
+use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Plan, Precision, Reading, Rollout};
 use lanesim_kernels::state::Status;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -16,39 +15,24 @@ use pyo3::sync::MutexExt;
 
 use crate::arrays::{Numbers, Target};
 use crate::failure::{self, raise};
+use crate::home::{AtHome, Home};
 use crate::model::Model;
-use crate::watch::watched;
+use crate::watch::{Pace, abandonable, watched};
 
-/// Runs that should take less do not get a thread of their own: they end before anyone could interrupt them.
-const SHORT_SECONDS: f64 = 0.02;
+/// Numbers beyond which copying them out may take long.
+const MANY: usize = 1_000_000;
+
+/// Numbers of worlds.
+type Ids<'py> = PyReadonlyArray1<'py, u64>;
 
 /// The status bits and their names.
 pub fn status_bits() -> Vec<(&'static str, u32)> {
     Status::NAMES.iter().map(|(bit, name)| (*name, bit.0)).collect()
 }
 
-/// The process that something was made in. A forked one inherits no threads: it would wait for them for ever.
-#[derive(Clone, Copy)]
-struct Home(u32);
-
-impl Home {
-    fn here() -> Self {
-        Home(process::id())
-    }
-
-    fn check(self, py: Python<'_>) -> PyResult<()> {
-        if self.0 == process::id() {
-            return Ok(());
-        }
-        let text = "made before this process was forked, which has none of its threads: make worlds and pools after a \
-                    fork, or start processes with multiprocessing's \"spawn\" or \"forkserver\"";
-        Err(failure::new(py, "LanesimError", (text,)))
-    }
-}
-
 /// Worker threads.
 #[pyclass(frozen, module = "lanesim._lanesim")]
-pub struct Pool(Arc<lanesim::pool::Pool>, Home);
+pub struct Pool(AtHome<Arc<lanesim::pool::Pool>>, Home);
 
 #[pymethods]
 impl Pool {
@@ -56,7 +40,7 @@ impl Pool {
     #[pyo3(signature = (threads=None))]
     fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
         let pool = lanesim::pool::Pool::new(threads).map_err(|e| raise(py, e))?;
-        Ok(Pool(Arc::new(pool), Home::here()))
+        Ok(Pool(AtHome::new(Arc::new(pool)), Home::here()))
     }
 
     #[getter]
@@ -108,9 +92,11 @@ pub struct Worlds {
 }
 
 struct State {
-    worlds: lanesim::Worlds,
-    /// Seconds per world and step, as last measured.
-    pace: Option<f64>,
+    worlds: AtHome<lanesim::Worlds>,
+    /// Of steps, per world.
+    stepping: Pace,
+    /// Of reading what is derived, per world.
+    reading: Pace,
 }
 
 /// The batch while this thread has it.
@@ -155,13 +141,14 @@ impl Worlds {
     fn new(py: Python<'_>, model: &Model, nworld: usize, choice: Choice, pool: Option<&Pool>) -> PyResult<Self> {
         pool.map_or(Ok(()), |pool| pool.1.check(py))?;
         let options = choice.options();
-        let pool = pool.map(|pool| pool.0.clone());
-        let worlds = py.detach(|| match pool {
-            Some(pool) => lanesim::Worlds::with_pool(&model.model, nworld, &options, pool),
-            None => lanesim::Worlds::new(&model.model, nworld, &options),
-        });
+        let (model, pool) = (model.here(py)?, pool.map(|pool| Arc::clone(&pool.0)));
+        let worlds = abandonable(py, move || match pool {
+            Some(pool) => lanesim::Worlds::with_pool(&model, nworld, &options, pool),
+            None => lanesim::Worlds::new(&model, nworld, &options),
+        })?;
         let worlds = worlds.map_err(|e| raise(py, e))?;
-        let state = Mutex::new(State { worlds, pace: None });
+        let worlds = AtHome::new(worlds);
+        let state = Mutex::new(State { worlds, stepping: Pace::default(), reading: Pace::default() });
         Ok(Worlds { state, user: Mutex::new(None), home: Home::here() })
     }
 
@@ -172,9 +159,11 @@ impl Worlds {
         Ok((worlds.threads(), lanes, name, world, scratch))
     }
 
-    /// Sets a field of the worlds where `mask` is true. `place`: (offset, stride), world `w`'s row begins at
-    /// `offset + w * stride` of `values`. `checked`: its numbers must be finite; name and shape for the message.
-    #[pyo3(signature = (name, values, place, mask, checked))]
+    /// Sets a field, or `state`, of the worlds where `mask` is true, or of those whose numbers are `ids`. `place`: (offset,
+    /// stride), world `w`'s row, or that of `ids[w]`, begins at `offset + w * stride` of `values`. `checked`: its numbers must
+    /// be finite; name and shape for the message.
+    #[pyo3(signature = (name, values, place, mask, ids, checked))]
+    #[expect(clippy::too_many_arguments, reason = "as many as the Python side has to say")]
     fn write(
         &self,
         py: Python<'_>,
@@ -182,9 +171,11 @@ impl Worlds {
         values: Numbers<'_>,
         place: (usize, usize),
         mask: Option<PyReadonlyArray1<'_, bool>>,
+        ids: Option<Ids<'_>>,
         checked: Option<(String, Vec<usize>)>,
     ) -> PyResult<()> {
-        let field = field(py, name)?;
+        let field = if name == "state" { None } else { Some(field(py, name)?) };
+        let ids = numbers_of(ids)?;
         let rows = Strided { values: values.values()?, offset: place.0, stride: place.1 };
         let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
         let mut held = self.acquire(py)?;
@@ -193,7 +184,12 @@ impl Worlds {
             if let Some((name, shape)) = checked {
                 rows.values.check_finite(&name, &shape)?;
             }
-            worlds.write_all(field, &rows, mask)
+            match (field, &ids) {
+                (Some(field), None) => worlds.write_all(field, &rows, mask),
+                (Some(field), Some(ids)) => worlds.write_at(ids, field, &rows),
+                (None, None) => worlds.write_states(&rows, mask),
+                (None, Some(ids)) => worlds.write_states_at(ids, &rows),
+            }
         });
         result.map_err(|e| raise(py, e))
     }
@@ -232,17 +228,21 @@ impl Worlds {
         Ok(self.acquire(py)?.state.worlds.varying().map(Parameter::name).collect())
     }
 
-    /// Computes outputs of the present states. Those with a target are written to it; the others, of which every world
-    /// has another number, are returned: the longest length, and all worlds' numbers, padded with zeros.
+    /// Computes outputs of the present states, of all worlds or of those whose numbers are `ids`. Those with a target are
+    /// written to it; the others, of which every world has another number, are returned: the longest length, and all
+    /// worlds' numbers, padded with zeros.
+    #[pyo3(signature = (names, targets, ids))]
     fn read<'py>(
         &self,
         py: Python<'py>,
         names: Vec<String>,
         mut targets: Vec<Option<Target<'py>>>,
+        ids: Option<Ids<'py>>,
     ) -> PyResult<Vec<Option<Padded<'py>>>> {
+        let ids = numbers_of(ids)?;
         let mut held = self.acquire(py)?;
-        let worlds = &mut held.state.worlds;
-        let nworld = worlds.nworld();
+        let State { worlds, reading: pace, .. } = &mut *held.state;
+        let nworld = ids.as_ref().map_or(worlds.nworld(), Vec::len);
         let mut lists: Vec<Vec<Vec<f64>>> =
             targets.iter().map(|t| vec![Vec::new(); if t.is_none() { nworld } else { 0 }]).collect();
         let rows = targets.iter_mut().zip(&mut lists).map(|(target, list)| match target {
@@ -251,7 +251,17 @@ impl Worlds {
         });
         let rows = rows.collect::<PyResult<Vec<_>>>()?;
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        py.detach(|| worlds.read_all(&names, rows)).map_err(|e| raise(py, e))?;
+        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>();
+        let derived = names.is_empty() || Plan::forward(&outputs.map_err(|e| raise(py, e))?).derived;
+        let entries: usize = rows.iter().map(Rows::len).sum();
+        let short = entries < MANY && (!derived || pace.is_short(nworld as f64));
+        let (cancel, start) = (AtomicBool::new(false), Instant::now());
+        let work = || worlds.read(&Reading { names: &names, ids: ids.as_deref(), cancel: Some(&cancel) }, rows);
+        let result = if short { py.detach(work) } else { watched(py, &cancel, |_| Ok(()), work)? };
+        result.map_err(|e| raise(py, e))?;
+        if derived && !worlds.any_lost() {
+            pace.learn(start.elapsed().as_secs_f64(), nworld as f64);
+        }
         let padded = targets.iter().zip(lists).zip(names).map(|((target, list), name)| {
             if target.is_some() {
                 return Ok(None);
@@ -262,9 +272,10 @@ impl Worlds {
         padded.collect()
     }
 
-    /// Takes all worlds through `nstep` steps. `controls`: the array and its strides from world to world and from step
-    /// to step. `progress` is called with the number of world steps done.
-    #[pyo3(signature = (nstep, controls, names, targets, progress))]
+    /// Takes all worlds through `nstep` steps, or those whose numbers are `ids`. `controls`: the array and its strides from
+    /// world to world and from step to step. `progress` is called with the number of world steps done.
+    #[pyo3(signature = (nstep, controls, names, targets, progress, ids))]
+    #[expect(clippy::too_many_arguments, reason = "as many as the Python side has to say")]
     fn run(
         &self,
         py: Python<'_>,
@@ -273,7 +284,9 @@ impl Worlds {
         names: Vec<String>,
         mut targets: Vec<Target<'_>>,
         progress: Option<Py<PyAny>>,
+        ids: Option<Ids<'_>>,
     ) -> PyResult<()> {
+        let ids = numbers_of(ids)?;
         let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>();
         let outputs = outputs.map_err(|e| raise(py, e))?;
         let rows = targets.iter_mut().map(Target::rows).collect::<PyResult<Vec<_>>>()?;
@@ -281,16 +294,28 @@ impl Worlds {
             Some((values, world, step)) => Controls::Strided { values: values.values()?, world: *world, step: *step },
             None => Controls::Keep,
         };
-        self.go(py, nstep, controls, &outputs, rows, progress)
+        let rollout = Rollout { nstep, controls, outputs: &outputs, ids: ids.as_deref(), ..Rollout::default() };
+        self.go(py, rollout, rows, progress)
     }
 
-    /// Resets the worlds where `mask` is true to a keyframe or to the reference configuration.
-    #[pyo3(signature = (mask, key))]
-    fn reset(&self, py: Python<'_>, mask: Option<PyReadonlyArray1<'_, bool>>, key: Option<usize>) -> PyResult<()> {
+    /// Resets the worlds where `mask` is true, or those whose numbers are `ids`, to a keyframe or to the reference
+    /// configuration.
+    #[pyo3(signature = (mask, ids, key))]
+    fn reset(
+        &self,
+        py: Python<'_>,
+        mask: Option<PyReadonlyArray1<'_, bool>>,
+        ids: Option<Ids<'_>>,
+        key: Option<usize>,
+    ) -> PyResult<()> {
+        let ids = numbers_of(ids)?;
         let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
         let mut held = self.acquire(py)?;
         let worlds = &mut held.state.worlds;
-        let result = py.detach(|| worlds.reset_all(mask, key));
+        let result = py.detach(|| match &ids {
+            Some(ids) => worlds.reset_at(ids, key),
+            None => worlds.reset_all(mask, key),
+        });
         result.map_err(|e| raise(py, e))
     }
 
@@ -322,24 +347,19 @@ impl Worlds {
     fn go(
         &self,
         py: Python<'_>,
-        nstep: usize,
-        controls: Controls<'_>,
-        outputs: &[Output],
+        rollout: Rollout<'_>,
         rows: Vec<Rows<'_>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
         let (cancel, done) = (AtomicBool::new(false), AtomicU64::new(0));
         let mut held = self.acquire(py)?;
-        let State { worlds, pace } = &mut *held.state;
-        let amount = worlds.nworld() as f64 * nstep as f64;
-        let short = pace.is_some_and(|pace| pace * amount < SHORT_SECONDS);
+        let State { worlds, stepping: pace, .. } = &mut *held.state;
+        let nworld = rollout.ids.map_or(worlds.nworld(), <[usize]>::len);
+        let amount = nworld as f64 * rollout.nstep as f64;
         let start = Instant::now();
-        let work = || {
-            let (cancel, progress) = (Some(&cancel), Some(&done));
-            let rollout = Rollout { nstep, controls, outputs, progress, cancel, ..Rollout::default() };
-            worlds.rollout_into(&rollout, rows)
-        };
-        let result = if short {
+        let rollout = Rollout { progress: Some(&done), cancel: Some(&cancel), ..rollout };
+        let work = || worlds.rollout_into(&rollout, rows);
+        let result = if pace.is_short(amount) {
             py.detach(work)
         } else {
             let poll = |py: Python<'_>| match &progress {
@@ -349,11 +369,17 @@ impl Worlds {
             watched(py, &cancel, poll, work)?
         };
         result.map_err(|e| raise(py, e))?;
-        if amount > 0.0 {
-            *pace = Some(start.elapsed().as_secs_f64() / amount);
+        // Frozen worlds are passed over: nothing can be learnt from them.
+        if !worlds.any_lost() {
+            pace.learn(start.elapsed().as_secs_f64(), amount);
         }
         Ok(())
     }
+}
+
+fn numbers_of(ids: Option<Ids<'_>>) -> PyResult<Option<Vec<usize>>> {
+    let numbers = |ids: Ids<'_>| Ok(ids.as_slice()?.iter().map(|id| *id as usize).collect());
+    ids.map(numbers).transpose()
 }
 
 /// Rows of different lengths as one array.

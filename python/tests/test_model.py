@@ -30,7 +30,7 @@ def test_sizes_and_arrays(ant) -> None:
 def test_names(pendulum) -> None:
     assert pendulum.names("body") == ["world", "arm"]
     assert pendulum.id("site", "tip") == 0
-    with pytest.raises(lanesim.UnknownNameError, match="there is no joint knee; there are hinge"):
+    with pytest.raises(lanesim.UnknownNameError, match="there is no joint knee; valid: hinge"):
         pendulum.id("joint", "knee")
     with pytest.raises(lanesim.UnknownNameError, match="no kind of element camera"):
         pendulum.names("camera")
@@ -78,7 +78,7 @@ def test_bad_options(pendulum, options, text) -> None:
         pendulum.replace(**options)
     with pytest.raises(ValueError, match=text):
         lanesim.Model.from_xml_string(PENDULUM, options=options)
-    with pytest.raises(AttributeError, match="there is no option timestp"):
+    with pytest.raises(AttributeError, match='there is no option timestp; did you mean "timestep"'):
         pendulum.opt.timestp = 1
 
 

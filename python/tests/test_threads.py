@@ -123,8 +123,123 @@ def test_ctrl_c_stops_a_long_run(what) -> None:
     assert float(done.stdout.split()[-1]) < 20
 
 
+HEARD = """
+import os, signal, sys, threading, time
+import lanesim, numpy as np
+
+what, path = sys.argv[1:]
+model = lanesim.Model.from_xml_path(path)
+sent = []
+
+def interrupt():
+    sent.append(time.perf_counter())
+    os.kill(os.getpid(), signal.SIGINT)
+
+def frozen(worlds):
+    worlds.qvel = np.full((worlds.nworld, model.nv), 1e300)
+    worlds.step(1)
+    for n in (1, 10, 10**6):
+        worlds.step(n)
+    worlds.reset()
+
+bodies = "<body pos='0 0 1'><joint/><geom size='.1'/></body>"
+huge = "<mujoco><worldbody>" + 4000 * bodies + "</worldbody></mujoco>"
+worlds = lanesim.Worlds(model, 64, threads=1)
+worlds.step(3)
+many = None
+if what == "get":
+    many = lanesim.Worlds(model, 400_000, "f32", threads=1)
+elif what == "frozen":
+    frozen(worlds)
+elif what == "some frozen":
+    frozen(worlds)
+    worlds.set("qvel", np.full(model.nv, 1e300), ids=slice(1, None))
+    worlds.step(1)
+    worlds.step(10**6, ids=slice(1, None))
+    worlds.reset()
+work = {
+    "frozen": lambda: worlds.step(100_000),
+    "some frozen": lambda: worlds.step(100_000),
+    "ids": lambda: worlds.step(200_000, ids=[3, 40]),
+    "rollout": lambda: worlds.rollout(nstep=100_000, outputs=["ncon"]),
+    "get": lambda: [many.get("subtree_com") for _ in range(100)],
+    "compile": lambda: [lanesim.Model.from_xml_string(huge) for _ in range(100)],
+}[what]
+threading.Timer(0.3, interrupt).start()
+try:
+    work()
+    print("not interrupted")
+except KeyboardInterrupt:
+    print(time.perf_counter() - sent[0])
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize("what", ["frozen", "some frozen", "ids", "rollout", "get", "compile"])
+def test_ctrl_c_is_heard_at_once(what, humanoid) -> None:
+    """Whatever ran before: the pace of worlds that are frozen, and passed over, says nothing of the next run."""
+    model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "humanoid27.xml"
+    heard = []
+    for _ in range(3):  # Somebody else may have the processor.
+        command = [sys.executable, "-c", HEARD, what, str(model)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0 and done.stdout.strip() != "not interrupted", (done.stdout, done.stderr)
+        heard.append(float(done.stdout))
+        if heard[-1] < 0.2:
+            return
+    raise AssertionError(f"heard after {heard} s")
+
+
+FORKED_EARLY = """
+import os, sys, threading, time
+import lanesim
+
+late = 0
+for k in range(12):
+    model = lanesim.Model.from_xml_path(sys.argv[1])
+    started = threading.Event()
+    whole = lanesim.Worlds(model, 16) if k % 2 else None
+
+    def go():
+        started.set()
+        (whole or lanesim.Worlds(model, 16)).step(2)
+
+    thread = threading.Thread(target=go)
+    thread.start()
+    started.wait()
+    time.sleep(0.001 * k)
+    child = os.fork()
+    if child == 0:
+        first, second = lanesim.Worlds(model, 8, threads=1), lanesim.Worlds(model, 8, threads=1)
+        first.step(2)
+        second.step(2)
+        os._exit(0 if first.state_hash() == second.state_hash() else 1)
+    end = time.time() + 20
+    while time.time() < end:
+        pid, status = os.waitpid(child, os.WNOHANG)
+        if pid:
+            late += status != 0
+            break
+        time.sleep(0.01)
+    else:
+        late += 1
+        os.kill(child, 9)
+        os.waitpid(child, 0)
+    thread.join()
+print(late)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_process_forked_while_code_is_made_does_not_wait_for_it() -> None:
+    model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "humanoid27.xml"
+    command = [sys.executable, "-W", "ignore", "-c", FORKED_EARLY, str(model)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=400)
+    assert done.returncode == 0 and done.stdout.split() == ["0"], (done.stdout, done.stderr)
+
+
 FORKED = """
-import os, signal, sys
+import gc, os, signal, sys
 import lanesim, numpy as np
 
 model = lanesim.Model.from_xml_path(sys.argv[1])
@@ -140,6 +255,9 @@ if child == 0:
             os._exit(1)
         except lanesim.LanesimError as error:
             assert "forked" in str(error)
+    pool.close()
+    del worlds, pool, use
+    gc.collect()
     lanesim.Worlds(model, 8).step(3)
     again = lanesim.rollout(model, start, nstep=3, persistent_pool=True)[0]
     os._exit(0 if (again == before).all() else 2)

@@ -100,9 +100,9 @@ def test_bad_arguments(ant) -> None:
         worlds.reset([0, 1, 1])
     with pytest.raises(lanesim.UnknownNameError, match="there is no keyframe 3"):
         worlds.reset(key=3)
-    with pytest.raises(lanesim.UnknownNameError, match="there is no output xqos"):
+    with pytest.raises(lanesim.UnknownNameError, match='there is no output xqos; did you mean "xpos"?'):
         worlds.get("xqos")
-    with pytest.raises(lanesim.UnknownNameError, match="there is no field xpos to set"):
+    with pytest.raises(lanesim.UnknownNameError, match='"xpos" is computed, not set'):
         worlds.set("xpos", 0.0)
     with pytest.raises(TypeError, match="expected a lanesim.Model"):
         lanesim.Worlds("ant.xml", 3)

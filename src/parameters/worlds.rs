@@ -6,7 +6,7 @@ use super::Parameter;
 use crate::error::Error;
 use crate::memory;
 use crate::rows::Strided;
-use crate::worlds::{Precision, Worlds};
+use crate::worlds::{Precision, Worlds, check_fit};
 
 impl Worlds {
     /// The parameters that vary, in the order in which they began to.
@@ -66,7 +66,7 @@ impl Worlds {
         self.check_varies(parameter)?;
         mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
         let (width, nworld) = (parameter.len(&self.model), self.nworld());
-        self.check_fit(parameter.name(), rows, width)?;
+        check_fit(parameter.name(), rows, nworld, width)?;
         let mut row = vec![0.0; width];
         let chosen = |world: &usize| mask.is_none_or(|mask| mask[*world]);
         for world in (0..nworld).filter(chosen) {

@@ -1,0 +1,375 @@
+"""MJCF from MuJoCo's compiled models, number by number.
+
+``MjSpec.to_xml`` and ``mj_saveLastXML`` round to six digits, and the latter knows nothing of models that were changed after
+loading. So the text is written here, from the arrays. What MJCF cannot say, or lanesim has not got, is refused by the loader
+or by the comparison of the arrays at the end.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ModelError
+from .spec import Element, Spec
+
+__all__ = ["differences", "spec_of", "stale"]
+
+JOINTS = ("free", "ball", "slide", "hinge")
+GEOMS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
+SIZES = (3, 0, 1, 2, 3, 2, 3, 0, 0)
+"""How many sizes a geom of each type has."""
+EQUALITIES = ("connect", "weld", "joint", "tendon", "flex")
+GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
+BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
+DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
+TRANSMISSIONS = ("joint", "jointinparent", "slidercrank", "tendon", "site", "body")
+STALE = 1e-6
+"""The same for constants that MuJoCo derives a second time."""
+TOLERANCE = 1e-9
+"""Largest difference between arrays that rounding may make, relative to the largest entry."""
+
+
+def spec_of(m: Any) -> Spec:
+    """The MJCF of an ``mujoco.MjModel``."""
+    return _Writer(m).spec
+
+
+class _Writer:
+    """Writes a model section by section."""
+
+    def __init__(self, m: Any) -> None:
+        self.m = m
+        self.spec = Spec(m.names[: m.names.index(b"\0")].decode())
+        refused = [name for name in ("nplugin", "nflex", "nhfield") if getattr(m, name, 0)]
+        if refused:
+            kinds = {"nplugin": "plugins", "nflex": "flexible bodies", "nhfield": "height fields"}
+            what = " and ".join(kinds[name] for name in refused)
+            raise ModelError(f"the MjModel has {what}, which are not supported")
+        # Joints, bodies and geoms that others refer to need a name.
+        self.named: dict[tuple[str, int], str] = {}
+        self._name_referred()
+        self.spec.compiler.set(angle="radian", autolimits=False, inertiafromgeom=False, balanceinertia=False)
+        self._options()
+        self._bodies()
+        self._contacts()
+        self._actuators()
+        self._others()
+        self._keys()
+
+    def name(self, kind: str, i: int) -> str | None:
+        """Name of an element; None if it has none and nobody refers to it."""
+        return getattr(self.m, kind)(i).name or self.named.get((kind, i))
+
+    def _name_referred(self) -> None:
+        m = self.m
+        referred = [("geom", int(g)) for g in (*m.pair_geom1, *m.pair_geom2)]
+        referred += [("body", int(s) >> shift & 0xFFFF) for s in m.exclude_signature for shift in (0, 16)]
+        kinds = {"joint": "joint", "jointinparent": "joint", "tendon": "tendon", "site": "site", "slidercrank": "site"}
+        kinds["body"] = "body"
+        for a in range(m.nactuator):
+            kind = kinds.get(self._transmission(a))
+            referred += [(kind, int(i)) for i in m.actuator_trnid[a] if kind and i >= 0]
+        for kind, i in referred:
+            if not getattr(m, kind)(i).name:
+                self.named[kind, i] = f"{kind} {i}"
+
+    def _transmission(self, a: int) -> str:
+        kind = int(self.m.actuator_trntype[a])
+        return TRANSMISSIONS[kind] if kind < len(TRANSMISSIONS) else f"transmission {kind}"
+
+    def _options(self) -> None:
+        import mujoco
+
+        opt, option = self.m.opt, self.spec.option
+        plain = (
+            "timestep gravity wind magnetic density viscosity impratio tolerance ls_tolerance noslip_tolerance "
+            "ccd_tolerance iterations ls_iterations noslip_iterations ccd_iterations"
+        )
+        option.set(**{name: getattr(opt, name) for name in plain.split()})
+        option.set(
+            cone=mujoco.mjtCone(opt.cone).name[7:].lower(),
+            solver={0: "PGS", 1: "CG", 2: "Newton"}[int(opt.solver)],
+        )
+        integrators = {"IMPLICIT": "implicit", "IMPLICITFAST": "implicitfast", "DISCRETE": "discrete"}
+        name = mujoco.mjtIntegrator(opt.integrator).name[6:]
+        option.set(integrator=integrators.get(name, "Euler" if name == "EULER" else name))
+        if opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+            option.set(o_margin=opt.o_margin, o_solref=opt.o_solref, o_solimp=opt.o_solimp, o_friction=opt.o_friction)
+        groups = [g for g in range(31) if opt.disableactuator >> g & 1]
+        if groups:
+            option.set(actuatorgroupdisable=groups)
+        flags = {}
+        for bit in mujoco.mjtDisableBit.__members__.items():
+            if bit[0].startswith("mjDSBL") and opt.disableflags & int(bit[1]):
+                flags[bit[0][7:].lower()] = "disable"
+        for bit in mujoco.mjtEnableBit.__members__.items():
+            if bit[0].startswith("mjENBL") and opt.enableflags & int(bit[1]):
+                flags[bit[0][7:].lower()] = "enable"
+        if flags:
+            option.add("flag", **flags)
+
+    def _bodies(self) -> None:
+        m = self.m
+        elements = [self.spec.worldbody]
+        for b in range(1, m.nbody):
+            body = elements[m.body_parentid[b]].add(
+                "body",
+                name=self.name("body", b),
+                pos=m.body_pos[b],
+                quat=m.body_quat[b],
+                mocap=True if m.body_mocapid[b] >= 0 else None,
+                gravcomp=m.body_gravcomp[b] or None,
+            )
+            elements.append(body)
+            if m.body_mass[b] > 0 or m.body_inertia[b].any():
+                body.add(
+                    "inertial",
+                    pos=m.body_ipos[b],
+                    quat=m.body_iquat[b],
+                    mass=m.body_mass[b],
+                    diaginertia=m.body_inertia[b],
+                )
+            for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
+                self._joint(body, j)
+        for g in range(m.ngeom):
+            self._geom(elements[m.geom_bodyid[g]], g)
+        for s in range(m.nsite):
+            self._site(elements[m.site_bodyid[s]], s)
+
+    def _joint(self, body: Element, j: int) -> None:
+        m, kind = self.m, int(self.m.jnt_type[j])
+        dof, q, scalar = m.jnt_dofadr[j], m.jnt_qposadr[j], kind > 1
+        ranged = {} if kind == 0 else dict(range=m.jnt_range[j] if m.jnt_range[j].any() else None)
+        body.add(
+            "joint",
+            name=self.name("joint", j),
+            type=JOINTS[kind],
+            pos=None if kind == 0 else m.jnt_pos[j],
+            axis=m.jnt_axis[j] if scalar else None,
+            ref=m.qpos0[q] if scalar else None,
+            springref=m.qpos_spring[q] if scalar else None,
+            stiffness=_series(m.jnt_stiffness[j], m.jnt_stiffnesspoly[j]),
+            damping=_series(m.dof_damping[dof], m.dof_dampingpoly[dof]),
+            armature=m.dof_armature[dof],
+            frictionloss=m.dof_frictionloss[dof],
+            solreffriction=m.dof_solref[dof],
+            solimpfriction=m.dof_solimp[dof],
+            limited=bool(m.jnt_limited[j]),
+            margin=m.jnt_margin[j],
+            solreflimit=m.jnt_solref[j],
+            solimplimit=m.jnt_solimp[j],
+            actuatorfrclimited=bool(m.jnt_actfrclimited[j]),
+            actuatorfrcrange=m.jnt_actfrcrange[j] if m.jnt_actfrcrange[j].any() else None,
+            actuatorgravcomp=True if m.jnt_actgravcomp[j] else None,
+            group=m.jnt_group[j],
+            **ranged,
+        )
+
+    def _geom(self, body: Element, g: int) -> None:
+        m, kind = self.m, int(self.m.geom_type[g])
+        if kind >= len(GEOMS):
+            raise ModelError(f'geom {g} "{m.geom(g).name}" of the MjModel has type {kind}, which is not supported')
+        fluid = m.geom_fluid[g].any()
+        moving = getattr(m, "geom_surfacevel", np.zeros((m.ngeom, 1)))[g]
+        sticky = np.atleast_1d(getattr(m, "geom_adhesion", np.zeros(m.ngeom))[g])
+        body.add(
+            "geom",
+            name=self.name("geom", g),
+            type=GEOMS[kind],
+            size=_sizes(m.geom_size[g], SIZES[kind]),
+            mesh=m.mesh(m.geom_dataid[g]).name if kind == 7 else None,
+            pos=m.geom_pos[g],
+            quat=m.geom_quat[g],
+            contype=m.geom_contype[g],
+            conaffinity=m.geom_conaffinity[g],
+            condim=m.geom_condim[g],
+            priority=m.geom_priority[g],
+            friction=m.geom_friction[g],
+            solmix=m.geom_solmix[g],
+            solref=m.geom_solref[g],
+            solimp=m.geom_solimp[g],
+            margin=m.geom_margin[g],
+            gap=m.geom_gap[g],
+            group=m.geom_group[g],
+            fluidshape="ellipsoid" if fluid else None,
+            surfacevel=moving if moving.any() else None,
+            adhesion=sticky if sticky.any() else None,
+        )
+
+    def _site(self, body: Element, s: int) -> None:
+        m, kind = self.m, int(self.m.site_type[s])
+        body.add(
+            "site",
+            name=self.name("site", s),
+            type=GEOMS[kind],
+            size=m.site_size[s],
+            pos=m.site_pos[s],
+            quat=m.site_quat[s],
+            group=m.site_group[s],
+        )
+
+    def _contacts(self) -> None:
+        m = self.m
+        for p in range(m.npair):
+            self.spec.contact.add(
+                "pair",
+                name=m.pair(p).name or None,
+                geom1=self.name("geom", m.pair_geom1[p]),
+                geom2=self.name("geom", m.pair_geom2[p]),
+                condim=m.pair_dim[p],
+                friction=m.pair_friction[p],
+                solref=m.pair_solref[p],
+                solreffriction=m.pair_solreffriction[p] if m.pair_solreffriction[p].any() else None,
+                solimp=m.pair_solimp[p],
+                margin=m.pair_margin[p],
+                gap=m.pair_gap[p],
+            )
+        for e in range(m.nexclude):
+            bodies = [int(m.exclude_signature[e]) >> shift & 0xFFFF for shift in (16, 0)]
+            body1, body2 = (self.name("body", b) for b in bodies)
+            self.spec.contact.add("exclude", name=m.exclude(e).name or None, body1=body1, body2=body2)
+
+    def _actuators(self) -> None:
+        m = self.m
+        for a in range(m.nactuator):
+            kind, target = self._transmission(a), m.actuator_trnid[a]
+            where: dict[str, Any] = {}
+            if kind == "slidercrank":
+                where = {"cranksite": self.name("site", target[0]), "slidersite": self.name("site", target[1])}
+                where["cranklength"] = m.actuator_cranklength[a]
+            elif kind in TRANSMISSIONS:
+                name = "joint" if kind == "jointinparent" else kind
+                where = {kind: self.name(name, target[0])}
+                if kind == "site" and target[1] >= 0:
+                    where["refsite"] = self.name("site", target[1])
+            else:
+                raise ModelError(f'actuator {a} "{m.actuator(a).name}" of the MjModel has {kind}: not supported')
+            self._actuator(a, where)
+
+    def _actuator(self, a: int, where: dict[str, Any]) -> None:
+        m = self.m
+        dynamic = int(m.actuator_dyntype[a])
+        active: dict[str, Any] = {}
+        if dynamic:
+            active = dict(
+                dynprm=m.actuator_dynprm[a],
+                actlimited=bool(m.actuator_actlimited[a]),
+                actrange=m.actuator_actrange[a] if m.actuator_actrange[a].any() else None,
+                actearly=True if m.actuator_actearly[a] else None,
+                actdim=m.actuator_actnum[a] if m.actuator_actnum[a] != 1 else None,
+            )
+        self.spec.actuator.add(
+            "general",
+            name=m.actuator(a).name or None,
+            gaintype=GAINS[int(m.actuator_gaintype[a])],
+            biastype=BIASES[int(m.actuator_biastype[a])],
+            dyntype=DYNAMICS[dynamic],
+            gainprm=m.actuator_gainprm[a],
+            biasprm=m.actuator_biasprm[a],
+            ctrllimited=bool(m.actuator_ctrllimited[a]),
+            ctrlrange=m.actuator_ctrlrange[a] if m.actuator_ctrlrange[a].any() else None,
+            forcelimited=bool(m.actuator_forcelimited[a]),
+            forcerange=m.actuator_forcerange[a] if m.actuator_forcerange[a].any() else None,
+            gear=m.actuator_gear[a],
+            armature=m.actuator_armature[a] or None,
+            damping=(
+                _series(m.actuator_damping[a], m.actuator_dampingpoly[a]) if _any(m, "actuator_damping", a) else None
+            ),
+            delay=m.actuator_delay[a] or None,
+            group=m.actuator_group[a],
+            **where,
+            **active,
+        )
+
+    def _others(self) -> None:
+        """What the loader has a word about: a note, a refusal, or a loss if it is lenient."""
+        import mujoco
+
+        m, root = self.m, Element(self.spec._element)
+        if m.ntendon:
+            tendons = root.add("tendon")
+            for t in range(m.ntendon):
+                tendons.add("fixed", name=self.name("tendon", t) or f"tendon {t}")
+        if m.neq:
+            equalities = root.add("equality")
+            for e in range(m.neq):
+                kind = int(m.eq_type[e])
+                equalities.add(EQUALITIES[min(kind, 4)], name=m.equality(e).name or f"equality {e}")
+        if m.nsensor:
+            sensors = root.add("sensor")
+            for s in range(m.nsensor):
+                kind = mujoco.mjtSensor(m.sensor_type[s]).name.removeprefix("mjSENS_").lower()
+                sensors.add(kind, name=m.sensor(s).name or f"sensor {s}")
+        if (m.geom_type == GEOMS.index("mesh")).any():
+            assets = root.add("asset")
+            for i in range(m.nmesh):
+                assets.add("mesh", name=m.mesh(i).name, file=f"{m.mesh(i).name}.obj")
+
+    def _keys(self) -> None:
+        m = self.m
+        for k in range(m.nkey):
+            rows = {"qpos": m.key_qpos, "qvel": m.key_qvel, "act": m.key_act, "ctrl": m.key_ctrl}
+            rows.update(mpos=m.key_mpos, mquat=m.key_mquat)
+            given = {name: array[k] for name, array in rows.items() if array[k].size}
+            self.spec.keyframe.add("key", name=m.key(k).name or None, time=m.key_time[k], **given)
+
+
+def _sizes(sizes: NDArray[np.float64], count: int) -> NDArray[np.float64] | None:
+    """The sizes that a shape has, and those after them that somebody set all the same."""
+    last = int(np.flatnonzero(sizes)[-1]) + 1 if sizes.any() else 0
+    return sizes[: max(count, last)] if count else None
+
+
+def _any(m: Any, name: str, i: int) -> bool:
+    return bool(np.any(getattr(m, name)[i]) or np.any(getattr(m, name + "poly")[i]))
+
+
+def _series(linear: float, rest: NDArray[np.float64]) -> list[float]:
+    """Coefficients of a polynomial as MJCF has them, without zeros at the end."""
+    rest = np.atleast_1d(rest)
+    last = int(np.flatnonzero(rest)[-1]) + 1 if rest.any() else 0
+    return [float(linear), *rest[:last].tolist()]
+
+
+def differences(m: Any, model: Any) -> Iterator[str]:
+    """Arrays of a lanesim model that are not those of the MjModel it was made from."""
+    for name, size in model.sizes().items():
+        if getattr(m, name, size) != size:
+            yield f"{name} would be {size} instead of {getattr(m, name)}"
+    for name in model.array_names:
+        theirs = getattr(m, name, None)
+        if theirs is None:
+            theirs = getattr(m.opt, name, None)
+        if theirs is None or name.startswith("o_"):
+            continue
+        ours, theirs = np.asarray(getattr(model, name)), np.asarray(theirs)
+        if name == "gravity" and not model.opt.flags["gravity"]:
+            continue
+        if ours.size != theirs.size:
+            yield f"{name} would have shape {list(ours.shape)} instead of {list(theirs.shape)}"
+            continue
+        theirs = theirs.reshape(ours.shape)
+        scale = np.abs(theirs).max(initial=0.0)
+        wrong = np.abs(ours - theirs) > TOLERANCE * max(float(scale), 1e-6)
+        if wrong.any():
+            place = [int(i) for i in np.argwhere(wrong)[0]] if ours.ndim else []
+            here, there = float(ours[tuple(place)]), float(theirs[tuple(place)])
+            yield f"{name}{place or ''} would be {here:.9g} instead of {there:.9g}"
+
+
+def stale(m: Any) -> Iterator[str]:
+    """Derived constants of an MjModel that do not follow from what it holds now."""
+    import mujoco
+
+    fresh = copy.copy(m)
+    mujoco.mj_setConst(fresh, mujoco.MjData(fresh))
+    for name in ("body_subtreemass", "dof_M0", "dof_invweight0", "body_invweight0", "actuator_acc0"):
+        old, new = getattr(m, name), getattr(fresh, name)
+        wrong = np.abs(old - new) > STALE * np.abs(new).max(initial=0.0)
+        if wrong.any():
+            place = [int(i) for i in np.argwhere(wrong)[0]]
+            yield f"{name}{place} is {float(old[tuple(place)]):.9g} and should be {float(new[tuple(place)]):.9g}"
