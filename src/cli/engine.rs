@@ -97,6 +97,8 @@ impl RunArgs {
                 Instructions::Avx512 => lanesim::InstructionSet::Avx512,
             }),
             threads: self.threads.map(|n| n as usize),
+            pin: self.pin && !self.no_pin,
+            max_memory: self.max_memory,
             on_diverge: match self.on_diverge {
                 OnDiverge::Freeze => lanesim::OnDiverge::Freeze,
                 OnDiverge::Reset => lanesim::OnDiverge::Reset { key: None },
