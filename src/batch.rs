@@ -168,6 +168,12 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
         Ok(Batch { store, crew })
     }
 
+    /// Bytes of a world and of a thread's scratch.
+    pub fn memory_of(model: &Model) -> (usize, usize) {
+        let tables = L::Real::tables(model);
+        (Store::<L>::block_bytes(&tables.sizes) / L::WIDTH, Workspace::<L>::bytes(tables))
+    }
+
     /// Does `work` for all blocks, at most `size` at a time, and fewer towards the end, so that the threads end together; on the
     /// caller's thread alone unless all should take longer than waking others, by `pace`, nanoseconds for a block. Each of
     /// `rows` is an array of equally many entries per world; a group of blocks gets those of its worlds. Returns nanoseconds
@@ -626,6 +632,16 @@ mod tests {
         let kernels = || -> WorkerCode<f64x8> { Box::new(lanesim_kernels::code::Kernels) };
         let pool = Arc::new(Pool::new(Some(2), false).expect("a pool"));
         Batch::new(&model, worlds, kernels, pool, &Options::default(), None).expect("a batch")
+    }
+
+    #[test]
+    fn threads_get_a_workspace_when_they_take_part() {
+        let mut batch = batch(16);
+        for _ in 0..10 {
+            batch.rollout(&Rollout { nstep: 1, ..Rollout::default() }, Vec::new());
+        }
+        let seats = batch.crew.seats.iter_mut().map(|seat| seat.get_mut().expect("a seat").is_some());
+        assert_eq!(seats.collect::<Vec<_>>(), [true, false]);
     }
 
     #[test]

@@ -35,7 +35,9 @@ pub(crate) fn check_batch(
     (threads, scratch): (usize, usize),
     limit: Option<usize>,
 ) -> Result<(), Error> {
-    let worlds = blocks.checked_mul(block).ok_or(Error::Memory { what: "the worlds", bytes: None })?;
+    // What no system gives need not be held against a limit.
+    ask("the worlds", &[blocks, block])?;
+    let worlds = blocks.saturating_mul(block);
     let all = threads.checked_mul(scratch).and_then(|bytes| bytes.checked_add(worlds));
     let what = || {
         let scratch = gigabytes(scratch);

@@ -556,6 +556,16 @@ impl Worlds {
         }
     }
 
+    /// Bytes per world and per thread, as [`memory`](Worlds::memory) says of a batch, without making one.
+    pub fn memory_of(model: &Model, options: &Options) -> (usize, usize) {
+        match (options.precision, options.backend == Backend::Scalar) {
+            (Precision::F64, true) => Batch::<f64>::memory_of(model),
+            (Precision::F32, true) => Batch::<f32>::memory_of(model),
+            (Precision::F64, false) => Batch::<f64x8>::memory_of(model),
+            (Precision::F32, false) => Batch::<f32x16>::memory_of(model),
+        }
+    }
+
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.
     pub fn state_hash(&self) -> u64 {
         self.engine.state_hash()

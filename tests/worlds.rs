@@ -398,3 +398,23 @@ fn hashes_tell_states_apart() {
     assert_ne!(hash(0.1, 0.2), hash(0.2, 0.1));
     assert_ne!(hash(0.1, 0.2), hash(0.1, 0.2 + 1e-16));
 }
+
+#[test]
+fn threads_and_pins_leave_the_bits_alone() {
+    let model = load("zoo/cheetah");
+    let run = |threads: usize, pin: bool, calls: usize| {
+        let options = Options { threads: Some(threads), pin, backend: Backend::Auto, ..wide() };
+        let mut worlds = Worlds::new(&model, 100, &options).expect("a batch");
+        for _ in 0..calls {
+            let controls = Controls::Noise { seed: 3, scale: 1.0 };
+            worlds.rollout(&Rollout { nstep: 60 / calls, controls, ..Rollout::default() }).expect("a rollout");
+        }
+        worlds.state_hash()
+    };
+    for calls in [1, 20] {
+        let alone = run(1, false, calls);
+        for (threads, pin) in [(2, false), (2, true), (5, false), (64, true)] {
+            assert_eq!(run(threads, pin, calls), alone, "{threads} threads, pin {pin}, {calls} calls");
+        }
+    }
+}

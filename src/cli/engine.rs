@@ -76,7 +76,7 @@ impl RunArgs {
         let forces = [Field::QfrcApplied, Field::XfrcApplied];
         let kept = Field::ALL.iter().filter(|(field, _)| !forces.contains(field));
         let state: usize = kept.map(|(field, _)| field.len(model)).sum();
-        memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64])
+        memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64], self.max_memory)
     }
 
     /// The library's options.
