@@ -1,8 +1,9 @@
 //! The engine behind [`Worlds`](crate::Worlds): blocks of one lane type, and the workers that take them through steps.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use lanesim_kernels::code::{Code, Outside};
 use lanesim_kernels::diagnosis::{self, Element};
@@ -16,9 +17,11 @@ use crate::block::Block;
 use crate::convex::SupportCollider;
 use crate::error::Error;
 use crate::group::{self, Group};
+use crate::memory;
 use crate::model::{Key, Model};
 use crate::noise;
 use crate::outputs::{Buffers, Output, View};
+use crate::pace::{self, Paces};
 use crate::parameters;
 use crate::plan::Plan;
 use crate::pool::Pool;
@@ -26,7 +29,7 @@ use crate::rollout::{Controls, Rollout, Statistics, Trajectories};
 use crate::rows::{Rows, Strided};
 use crate::status::First;
 use crate::store::Store;
-use crate::worlds::{Field, Tables};
+use crate::worlds::{Field, Options, Tables};
 
 /// Worlds for which controls are drawn together.
 const DRAWS: usize = 8;
@@ -61,7 +64,7 @@ pub(crate) struct Batch<L: LaneQuery> {
     crew: Crew<L>,
 }
 
-/// Workers, one workspace each, and what they need to know.
+/// Threads, one workspace each, and what they need to know.
 struct Crew<L: LaneQuery> {
     model: Model,
     tables: Arc<KernelModel<L::Real>>,
@@ -76,12 +79,22 @@ struct Crew<L: LaneQuery> {
     /// Steps taken since the batch was made.
     steps: u64,
     pool: Arc<Pool>,
-    workers: Vec<Mutex<Worker<L>>>,
-    /// Where each worker has its present blocks.
-    places: Vec<Mutex<Group<L>>>,
+    /// By thread, from when it first takes part.
+    seats: Vec<Mutex<Option<Seat<L>>>>,
+    /// Makes a thread's way to code.
+    code: Box<dyn Fn() -> WorkerCode<L> + Send + Sync>,
+    /// What work on a block took lately.
+    paces: Paces,
 }
 
-/// What a worker thread keeps from block to block.
+/// What a thread has of its own.
+struct Seat<L: LaneQuery> {
+    worker: Worker<L>,
+    /// Where its present blocks are.
+    group: Group<L>,
+}
+
+/// What a thread keeps from block to block.
 struct Worker<L: LaneQuery> {
     workspace: Workspace<L>,
     code: WorkerCode<L>,
@@ -92,6 +105,21 @@ struct Worker<L: LaneQuery> {
 
 /// A worker's way to the code made for the model.
 pub(crate) type WorkerCode<L> = Box<dyn Code<L> + Send>;
+
+impl<L: LaneQuery> Seat<L> {
+    /// A thread's own for a model of which so much varies.
+    fn new(
+        tables: &Arc<KernelModel<L::Real>>,
+        mut code: WorkerCode<L>,
+        (set, lanes): (Quantities, usize),
+    ) -> Result<Self, Error> {
+        memory::ask("a thread's scratch", &[Workspace::<L>::bytes(tables)])?;
+        if !set.is_empty() {
+            code.vary(tables, set);
+        }
+        Ok(Seat { worker: Worker::new(tables, code), group: Group::new(tables, 1, lanes) })
+    }
+}
 
 impl<L: LaneQuery> Worker<L> {
     fn new(tables: &KernelModel<L::Real>, code: WorkerCode<L>) -> Self {
@@ -114,50 +142,61 @@ struct Job<'a, L: LaneQuery> {
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
-    /// `nworld` worlds; those that diverge start again from `restart`, if it is given. `code` is asked for every worker's.
+    /// `nworld` worlds; those that diverge start again from `restart`, if it is given. `code` is asked for every thread's.
     pub fn new(
         model: &Model,
         nworld: usize,
-        code: &dyn Fn() -> WorkerCode<L>,
+        code: impl Fn() -> WorkerCode<L> + Send + Sync + 'static,
         pool: Arc<Pool>,
-        max_contacts: usize,
+        options: &Options,
         restart: Option<Key>,
     ) -> Result<Self, Error> {
         let tables = L::Real::tables(model).clone();
+        let blocks = nworld.div_ceil(L::WIDTH);
+        let needs = (Store::<L>::block_bytes(&tables.sizes), Workspace::<L>::bytes(&tables));
+        memory::check_batch((blocks, needs.0), (pool.threads().min(blocks), needs.1), options.max_memory)?;
         let store = Store::new(&tables, nworld)?;
-        let workers = (0..pool.threads()).map(|_| Mutex::new(Worker::new(&tables, code()))).collect();
-        let places = (0..pool.threads()).map(|_| Mutex::new(Group::new(&tables, 1, 0))).collect();
-        let model = model.clone();
-        let varying = (Quantities::NONE, 0);
         let crew = Crew {
-            model,
-            tables,
             nworld,
             chosen: None,
-            max_contacts,
-            varying,
+            max_contacts: options.max_contacts,
+            varying: (Quantities::NONE, 0),
             restart,
             steps: 0,
+            seats: (0..pool.threads()).map(|_| Mutex::default()).collect(),
             pool,
-            workers,
-            places,
+            code: Box::new(code),
+            paces: Paces::new(&tables.sizes),
+            model: model.clone(),
+            tables,
         };
+        crew.seat(0).map(drop)?;
         Ok(Batch { store, crew })
     }
 
-    /// Does `work` for all blocks on all workers, at most `size` at a time, and fewer towards the end, so that the workers end
-    /// together. Each of `rows` is an array of equally many entries per
-    /// world; a group of blocks gets those of its worlds. Once `cancel` is true, no more blocks are begun.
+    /// Bytes of a world and of a thread's scratch.
+    pub fn memory_of(model: &Model) -> (usize, usize) {
+        let tables = L::Real::tables(model);
+        (Store::<L>::block_bytes(&tables.sizes) / L::WIDTH, Workspace::<L>::bytes(tables))
+    }
+
+    /// Does `work` for all blocks, at most `size` at a time, and fewer towards the end, so that the threads end together; on the
+    /// caller's thread alone unless all should take longer than waking others, by `pace`, nanoseconds for a block. Each of
+    /// `rows` is an array of equally many entries per world; a group of blocks gets those of its worlds. Once `cancel` is true,
+    /// no more blocks are begun. Returns nanoseconds for a block, as measured.
     fn each(
         &mut self,
         size: usize,
+        pace: f64,
         mut rows: Vec<Rows<'_>>,
         cancel: Option<&AtomicBool>,
         work: impl Fn(&Crew<L>, &mut Job<'_, L>, &mut Worker<L>) + Sync,
-    ) {
+    ) -> f64 {
         let Batch { store, crew } = self;
         let widths: Vec<usize> = rows.iter().map(|rows| rows.len().checked_div(crew.nworld).unwrap_or(0)).collect();
-        let threads = crew.pool.threads();
+        let blocks = store.kept.len();
+        let helpers = pace::helpers(pace, blocks).min(crew.pool.threads() - 1);
+        let threads = helpers + 1;
         let share = |left: usize| if threads == 1 { size } else { size.min(left / (2 * threads)).max(1) };
         let mut first_world = 0;
         let shares = store.groups(share).map(|blocks| {
@@ -167,28 +206,33 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
             let rows: Vec<_> = rows.iter_mut().zip(&widths).map(|(rows, width)| rows.take(worlds * width)).collect();
             (first, worlds, blocks, rows)
         });
-        let queue = Mutex::new(shares);
+        let (queue, spent) = (Mutex::new(shares), AtomicU64::new(0));
         let crew = &*crew;
-        crew.pool.run(|thread| {
-            let mut worker = crew.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            let mut group = crew.places[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            group.fit(&crew.tables, size);
+        crew.pool.run(helpers, |thread| {
+            // The caller has a seat; a helper for whom there is no memory does not help.
+            let Ok(mut seat) = crew.seat(thread) else { return };
+            let Some(Seat { worker, group }) = seat.as_mut() else { return };
+            let start = Instant::now();
             while !cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
                 // A statement of its own: the queue is locked only while the next block is taken.
                 let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
                 let Some((first_world, worlds, (states, kept), rows)) = next else { break };
+                group.fit(&crew.tables, kept.len());
                 group.load(states, kept, worlds);
-                work(crew, &mut Job { first_world, worlds, group: &mut group, rows }, &mut worker);
+                work(crew, &mut Job { first_world, worlds, group: &mut *group, rows }, worker);
                 group.store(states, kept);
             }
+            spent.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
         });
+        spent.into_inner() as f64 / blocks.max(1) as f64
     }
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
     /// Does `work` for every lane that has a world for which the mask holds, with the world's number.
     fn each_lane(&mut self, mask: Option<&[bool]>, work: impl Fn(&Crew<L>, &mut Block<L>, usize, usize) + Sync) {
-        self.each(1, Vec::new(), None, |crew, Job { first_world, group, .. }, _| {
+        let pace = self.crew.paces.copy.get();
+        let spent = self.each(1, pace, Vec::new(), None, |crew, Job { first_world, group, .. }, _| {
             for block in group.blocks() {
                 for lane in 0..block.ids.len() {
                     let world = *first_world + block.ids[lane];
@@ -198,6 +242,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
                 }
             }
         });
+        self.crew.paces.copy.note(spent);
     }
 }
 
@@ -467,8 +512,9 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn reset(&mut self, world: usize, key: &Key) {
-        let mut place = self.crew.places[0].lock().unwrap_or_else(PoisonError::into_inner);
-        self.store.change(world, place.scratch(), |block, lane| block.reset(&self.crew.tables.sizes, lane, key));
+        let Ok(mut seat) = self.crew.seat(0) else { return };
+        let Some(Seat { group, .. }) = seat.as_mut() else { return };
+        self.store.change(world, group.scratch(), |block, lane| block.reset(&self.crew.tables.sizes, lane, key));
     }
 
     fn reset_all(&mut self, mask: Option<&[bool]>, key: &Key) {
@@ -489,11 +535,13 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
 
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>, cancel: Option<&AtomicBool>) {
         let plan = Plan::forward(outputs);
-        self.each(1, rows, cancel, |crew, Job { group, rows, .. }, worker| {
+        let pace = self.crew.paces.read(&plan).get();
+        let spent = self.each(1, pace, rows, cancel, |crew, Job { group, rows, .. }, worker| {
             for block in group.blocks() {
                 crew.guard(block, worker, |block, worker| crew.read_block(outputs, &plan, rows, block, worker));
             }
         });
+        self.crew.paces.read(&plan).note(spent);
     }
 
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories {
@@ -503,7 +551,12 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         let tables = &self.crew.tables;
         let bytes = Store::<L>::block_bytes(&tables.sizes) + self.crew.varying.1 * size_of::<L>();
         let size = group::size(tables, bytes, rollout.nstep);
-        self.each(size, rows, rollout.cancel, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
+        let steps = rollout.nstep as f64;
+        let pace = steps * self.crew.paces.step.get();
+        let spent = self.each(size, pace, rows, rollout.cancel, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
+        if rollout.nstep > 0 && !rollout.cancelled() {
+            self.crew.paces.step.note(spent / steps);
+        }
         self.crew.steps += rollout.nstep as u64;
         self.crew.collect()
     }
@@ -529,15 +582,11 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         let tables = L::Real::rounded(parameters::widened(&crew.model, set));
         store.vary(&tables, set)?;
         let lanes = set.iter().map(|quantity| quantity.of(&tables).len()).sum();
-        for worker in &crew.workers {
-            let mut worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
-            worker.workspace = Workspace::new(&tables);
-            worker.code.vary(&tables, set);
-        }
-        for place in &crew.places {
-            *place.lock().unwrap_or_else(PoisonError::into_inner) = Group::new(&tables, 1, lanes);
-        }
+        let seat = Seat::new(&tables, (crew.code)(), (set, lanes))?;
         (crew.tables, crew.varying) = (tables, (set, lanes));
+        // What threads keep is for the model as it was.
+        crew.seats.iter_mut().for_each(|seat| *seat = Mutex::default());
+        crew.seats[0] = Mutex::new(Some(seat));
         Ok(())
     }
 
@@ -561,7 +610,7 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
             (_, 0) => 0,
             (_, lanes) => lanes * size_of::<L>() + size_of::<Varied<L>>(),
         };
-        ((block + varied) / L::WIDTH, self.crew.scratch())
+        ((block + varied) / L::WIDTH, Workspace::<L>::bytes(&self.crew.tables))
     }
 }
 
@@ -576,45 +625,39 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
+    /// A thread's seat, made when it is first asked for.
+    fn seat(&self, thread: usize) -> Result<MutexGuard<'_, Option<Seat<L>>>, Error> {
+        let mut seat = self.seats[thread].lock().unwrap_or_else(PoisonError::into_inner);
+        if seat.is_none() {
+            *seat = Some(Seat::new(&self.tables, (self.code)(), self.varying)?);
+        }
+        Ok(seat)
+    }
+
+    /// The threads that have taken part.
+    fn workers(&mut self) -> impl Iterator<Item = &mut Worker<L>> {
+        let seats = self.seats.iter_mut().map(|seat| seat.get_mut().unwrap_or_else(PoisonError::into_inner));
+        seats.flatten().map(|seat| &mut seat.worker)
+    }
+
     /// Forgets what the workers counted.
-    fn clear(&self) {
-        for worker in &self.workers {
-            let mut worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
+    fn clear(&mut self) {
+        for worker in self.workers() {
             worker.statistics = Statistics::default();
             worker.clock = StageClock::default();
         }
     }
 
     /// What the workers counted.
-    fn collect(&self) -> Trajectories {
+    fn collect(&mut self) -> Trajectories {
         let mut result = Trajectories::default();
-        for worker in &self.workers {
-            let worker = worker.lock().unwrap_or_else(PoisonError::into_inner);
+        for worker in self.workers() {
             result.statistics.add(&worker.statistics);
             for (sum, spent) in result.clock.spent.iter_mut().zip(worker.clock.spent) {
                 *sum += spent;
             }
         }
         result
-    }
-
-    /// Bytes of one workspace.
-    fn scratch(&self) -> usize {
-        let mut worker = self.workers[0].lock().unwrap_or_else(PoisonError::into_inner);
-        let ws = &mut worker.workspace;
-        let mut lanes = 0;
-        let mut count = |field: lanesim_kernels::fields::FieldView<'_, L>| lanes += field.data.len();
-        ws.position.for_each(&mut count);
-        ws.inertia.for_each(&mut count);
-        ws.collision.colliders.for_each(&mut count);
-        ws.velocity.for_each(&mut count);
-        ws.passive.for_each(&mut count);
-        ws.actuation.for_each(&mut count);
-        ws.acceleration.for_each(&mut count);
-        ws.solver.fields.for_each(&mut count);
-        ws.integration.for_each(&mut count);
-        ws.energy.for_each(&mut count);
-        lanes * size_of::<L>() + ws.collision.bytes() + ws.constraint.bytes()
     }
 }
 
@@ -647,8 +690,19 @@ mod tests {
             "<mujoco><worldbody><body><joint name='j' axis='0 1 0'/><geom size='.1' pos='.3 0 0'/></body></worldbody>
             <actuator><motor joint='j'/></actuator></mujoco>";
         let model = Model::from_xml_string(text, &Default::default()).expect("a model");
-        let kernels: &dyn Fn() -> WorkerCode<f64x8> = &|| Box::new(lanesim_kernels::code::Kernels);
-        Batch::new(&model, worlds, kernels, Arc::new(Pool::new(Some(2)).expect("a pool")), 10, None).expect("a batch")
+        let kernels = || -> WorkerCode<f64x8> { Box::new(lanesim_kernels::code::Kernels) };
+        let pool = Arc::new(Pool::new(Some(2), false).expect("a pool"));
+        Batch::new(&model, worlds, kernels, pool, &Options::default(), None).expect("a batch")
+    }
+
+    #[test]
+    fn threads_get_a_workspace_when_they_take_part() {
+        let mut batch = batch(16);
+        for _ in 0..10 {
+            batch.rollout(&Rollout { nstep: 1, ..Rollout::default() }, Vec::new());
+        }
+        let seats = batch.crew.seats.iter_mut().map(|seat| seat.get_mut().expect("a seat").is_some());
+        assert_eq!(seats.collect::<Vec<_>>(), [true, false]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Errors of the library.
 
 use crate::diagnostics::Diagnostics;
+use crate::memory::gigabytes;
 use crate::status::StatusEvent;
 
 /// What can go wrong outside the worlds themselves; what happens inside a world is its status.
@@ -25,6 +26,22 @@ pub enum Error {
         what: &'static str,
         /// Bytes asked for; `None` if they cannot be counted.
         bytes: Option<usize>,
+    },
+    /// More memory than the limit.
+    #[error(
+        "{what} would take {} of memory, the limit is {}; ask for fewer {fewer}, or raise the limit with max_memory",
+        gigabytes(*bytes),
+        gigabytes(*limit)
+    )]
+    MemoryLimit {
+        /// What it is for.
+        what: String,
+        /// Bytes asked for.
+        bytes: usize,
+        /// Most bytes (see [`Options::max_memory`](crate::Options::max_memory)).
+        limit: usize,
+        /// Of what there could be fewer.
+        fewer: &'static str,
     },
     /// A world diverged, and the batch's policy makes that an error.
     #[error("world {world} diverged: {event}")]

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use crate::error::Error;
+use crate::memory;
 use crate::model::{ArrayData, Model};
 use crate::npz::{Array, Data};
 use crate::outputs::Output;
-use crate::worlds::{Field, Options, Worlds};
+use crate::worlds::{Column, Field, Options, Worlds};
 
 /// What a field name stands for.
 enum Request {
@@ -34,18 +35,14 @@ pub fn eval(
     let nworld = count(model, inputs)?;
     let outputs: Vec<Output> =
         requests.iter().filter_map(|r| if let Request::World(output) = r { Some(*output) } else { None }).collect();
-    let mut columns: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(nworld); outputs.len()];
+    let mut columns = Vec::new();
     if !outputs.is_empty() {
         let mut worlds = Worlds::new(model, nworld, options)?;
         load(model, inputs, &mut worlds)?;
         if nstep > 0 {
             worlds.step(nstep)?;
         }
-        worlds.forward(&outputs, &mut |_, values| {
-            for (column, value) in columns.iter_mut().zip(values) {
-                column.push(value);
-            }
-        });
+        columns = worlds.columns(&outputs)?;
     }
     let mut columns = columns.into_iter();
     let mut out = Vec::with_capacity(fields.len());
@@ -58,7 +55,10 @@ pub fn eval(
                 };
                 Array::new(shape, data)
             }
-            Request::World(output) => join(model, &output, columns.next().unwrap_or_default()),
+            Request::World(output) => match columns.next() {
+                Some(column) => join(model, &output, nworld, column, options)?,
+                None => None,
+            },
         };
         let array = array.ok_or_else(|| Error::Input(format!("{name} has more entries than can be counted")))?;
         out.push(((*name).to_string(), array));
@@ -111,22 +111,31 @@ fn load(model: &Model, inputs: &BTreeMap<String, Array>, worlds: &mut Worlds) ->
     Ok(())
 }
 
-/// One array from the worlds' rows.
-fn join(model: &Model, output: &Output, rows: Vec<Vec<f64>>) -> Option<Array> {
-    let (fixed, rest) = output.shape(model);
-    let mut shape = vec![rows.len()];
-    let width: usize = rest.iter().product();
-    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
-    if !fixed {
-        shape.push(longest.checked_div(width).unwrap_or(0));
-    }
+/// One array of the worlds' rows.
+fn join(
+    model: &Model,
+    output: &Output,
+    nworld: usize,
+    column: Column,
+    options: &Options,
+) -> Result<Option<Array>, Error> {
+    let rest = output.shape(model).1;
+    let mut shape = vec![nworld];
+    let data = match column {
+        Column::Numbers { values, .. } => values,
+        Column::Lists(lists) => {
+            let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
+            shape.push(longest.checked_div(rest.iter().product()).unwrap_or(0));
+            let mut data = memory::zeros("the outputs", &[nworld, longest], options.max_memory)?;
+            if longest > 0 {
+                data.chunks_exact_mut(longest)
+                    .zip(&lists)
+                    .for_each(|(row, list)| row[..list.len()].copy_from_slice(list));
+            }
+            data
+        }
+    };
     shape.extend(rest);
-    let len = if fixed { width } else { longest };
-    let mut data = Vec::with_capacity(len * rows.len());
-    for row in &rows {
-        data.extend_from_slice(row);
-        data.resize(data.len() + len - row.len(), 0.0);
-    }
     let data = if output.is_integer() { Data::I32(data.iter().map(|x| *x as i32).collect()) } else { Data::F64(data) };
-    Array::new(shape, data)
+    Ok(Array::new(shape, data))
 }

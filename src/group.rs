@@ -49,6 +49,8 @@ pub(crate) struct Group<L: LaneQuery> {
     order: Vec<(u64, usize)>,
     /// All blocks' lanes while they change places.
     moved: Vec<L>,
+    /// First times of statuses meanwhile, by place.
+    moved_firsts: Vec<(usize, First)>,
     /// Lanes of a block that hold numbers of the model which vary.
     varied: usize,
     sizes: Sizes,
@@ -66,6 +68,7 @@ impl<L: LaneQuery> Group<L> {
             present: Vec::with_capacity(if size > 1 { model.sizes.nslot.min(places * SEEN) } else { 0 }),
             order: Vec::with_capacity(places),
             moved: Vec::with_capacity(if size > 1 { size * len } else { 0 }),
+            moved_firsts: Vec::new(),
             varied,
             sizes: model.sizes.clone(),
         }
@@ -195,7 +198,7 @@ impl<L: LaneQuery> Group<L> {
 
     /// Moves to each place the world from the place in `order`.
     fn rearrange(&mut self) {
-        let Group { blocks, order, moved, sizes, .. } = self;
+        let Group { blocks, order, moved, moved_firsts: firsts, sizes, .. } = self;
         let blocks = &mut blocks[..self.used];
         if blocks.iter().any(|block| block.applied.is_some()) {
             for block in blocks.iter_mut() {
@@ -203,7 +206,7 @@ impl<L: LaneQuery> Group<L> {
             }
         }
         moved.clear();
-        let mut firsts: Vec<(usize, First)> = Vec::new();
+        firsts.clear();
         let mut places: [(usize, Status); MOST * 16] = [Default::default(); MOST * 16];
         for (b, block) in blocks.iter_mut().enumerate() {
             block.for_each(&mut |lanes| moved.extend_from_slice(lanes));

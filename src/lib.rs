@@ -15,6 +15,7 @@ mod native;
 pub mod noise;
 pub mod npz;
 pub mod outputs;
+mod pace;
 mod parameters;
 pub mod plan;
 pub mod pool;

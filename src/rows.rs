@@ -1,6 +1,7 @@
 //! Arrays that belong to the caller: rows of numbers to read from and to write to, without a copy between.
 
 use crate::error::Error;
+use crate::memory;
 
 /// Numbers to read.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +42,17 @@ impl Values<'_> {
     /// let error = Values::F64(&[0.0, 1.0, f64::NAN, 3.0]).check_finite("qpos", &[2, 2]).unwrap_err();
     /// assert_eq!(error.to_string(), "array `qpos` holds NaN at [1, 0]; every number must be finite");
     /// ```
+    ///
+    /// # Errors
+    ///
+    /// That, or that an array of this shape has another number of entries.
     pub fn check_finite(&self, name: &str, shape: &[usize]) -> Result<(), Error> {
+        if memory::product(shape) != Some(self.len()) {
+            let given = self.len();
+            return Err(Error::Input(format!(
+                "array `{name}` has {given} numbers; expected as many as its shape {shape:?} has"
+            )));
+        }
         let found = match self {
             Values::F64(x) => x.iter().position(|x| !x.is_finite()).map(|i| (i, x[i])),
             Values::F32(x) => x.iter().position(|x| !x.is_finite()).map(|i| (i, f64::from(x[i]))),
@@ -76,8 +87,9 @@ impl<'a> Strided<'a> {
 
     /// Whether the rows of `width` numbers of all worlds lie inside the array.
     pub fn fits(&self, nworld: usize, width: usize) -> bool {
-        let last = nworld.saturating_sub(1).checked_mul(self.stride).and_then(|at| at.checked_add(self.offset + width));
-        nworld == 0 || width == 0 || last.is_some_and(|end| end <= self.values.len())
+        let last = nworld.saturating_sub(1).checked_mul(self.stride).and_then(|at| at.checked_add(self.offset));
+        let end = last.and_then(|at| at.checked_add(width));
+        nworld == 0 || width == 0 || end.is_some_and(|end| end <= self.values.len())
     }
 
     /// Calls `f` with every number of a world's row and its place in the row.
@@ -162,6 +174,21 @@ mod tests {
         let one = Strided::new(Values::F32(&[7.0]), 1);
         assert!(one.fits(1000, 1));
         one.row(999, 1, |_, x| assert_eq!(x, 7.0));
+    }
+
+    #[test]
+    fn figures_that_do_not_fit_are_no_rows() {
+        let numbers = [0.0; 4];
+        for (offset, stride) in [(usize::MAX, 1), (1, usize::MAX), (usize::MAX - 1, 0), (2, usize::MAX / 2)] {
+            assert!(!Strided { values: Values::F64(&numbers), offset, stride }.fits(4, 2), "{offset} {stride}");
+        }
+        for shape in [&[][..], &[0], &[3], &[2, 0], &[usize::MAX, 2], &[2, 3]] {
+            for values in [Values::F64(&[f64::NAN; 4]), Values::F32(&[0.0; 4])] {
+                let message = values.check_finite("qpos", shape).unwrap_err().to_string();
+                assert!(message.starts_with("array `qpos` has 4 numbers"), "{message}");
+            }
+        }
+        assert!(Values::F64(&[]).check_finite("act", &[5, 0]).is_ok());
     }
 
     #[test]

@@ -66,8 +66,15 @@ pub struct Options {
     pub backend: Backend,
     /// Instruction set of machine code made for the model; `None`: the best that the machine has.
     pub instructions: Option<InstructionSet>,
-    /// Worker threads; `None`: as many as processors are available.
+    /// Threads that may work at once, the caller's among them; `None`: as many as processors are available. Jobs too small to
+    /// be worth it wake none.
     pub threads: Option<usize>,
+    /// Whether threads are tied to processors, if there is one for every processor that the process may use: for a machine
+    /// that does nothing else. The caller's own thread stays free.
+    pub pin: bool,
+    /// Most bytes for worlds and scratch together, and for the outputs of a call; `None`: three quarters of what the
+    /// system has to give. More is refused with an error.
+    pub max_memory: Option<usize>,
     /// Largest number of contacts of a world; beyond it the world's status says `ContactOverflow`.
     pub max_contacts: usize,
     /// What is done about a world that diverges.
@@ -81,6 +88,8 @@ impl Default for Options {
             backend: Backend::Auto,
             instructions: None,
             threads: None,
+            pin: false,
+            max_memory: None,
             max_contacts: 1024,
             on_diverge: OnDiverge::Freeze,
         }
@@ -138,7 +147,7 @@ fn kernels<L: LaneQuery>() -> WorkerCode<L> {
     Box::new(Kernels)
 }
 
-fn worker_code<T: Float>(code: Option<Arc<ModelCode<T>>>) -> impl Fn() -> WorkerCode<T::Block> {
+fn worker_code<T: Float>(code: Option<Arc<ModelCode<T>>>) -> impl Fn() -> WorkerCode<T::Block> + Send + Sync {
     move || match &code {
         Some(code) => Box::new(Native::new(code.clone())),
         None => kernels(),
@@ -217,12 +226,11 @@ pub struct Worlds {
 impl Worlds {
     /// `nworld` worlds in the reference configuration, at rest.
     pub fn new(model: &Model, nworld: usize, options: &Options) -> Result<Self, Error> {
-        Worlds::with_pool(model, nworld, options, Arc::new(Pool::new(options.threads)?))
+        Worlds::with_pool(model, nworld, options, Arc::new(Pool::new(options.threads, options.pin)?))
     }
 
     /// The same on the threads of a pool that others may use too, though not at the same time.
     pub fn with_pool(model: &Model, nworld: usize, options: &Options, pool: Arc<Pool>) -> Result<Self, Error> {
-        let limit = options.max_contacts;
         let restart = match options.on_diverge {
             OnDiverge::Reset { key } => Some(key_state(model, key)?),
             OnDiverge::Freeze | OnDiverge::Error => None,
@@ -231,15 +239,15 @@ impl Worlds {
         let (f64_codes, f32_codes) = model.codes();
         let mut running = Running { backend: options.backend, instructions: None, notice: None };
         let engine: Box<dyn Engine> = match (options.precision, scalar) {
-            (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, &kernels, pool, limit, restart)?),
-            (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, &kernels, pool, limit, restart)?),
+            (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, kernels, pool, options, restart)?),
+            (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, kernels, pool, options, restart)?),
             (Precision::F64, false) => {
                 let code = running.choose(options, || f64_codes.get(model.tables(), options.instructions));
-                Box::new(Batch::<f64x8>::new(model, nworld, &worker_code(code), pool, limit, restart)?)
+                Box::new(Batch::<f64x8>::new(model, nworld, worker_code(code), pool, options, restart)?)
             }
             (Precision::F32, false) => {
                 let code = running.choose(options, || f32_codes.get(model.tables_f32(), options.instructions));
-                Box::new(Batch::<f32x16>::new(model, nworld, &worker_code(code), pool, limit, restart)?)
+                Box::new(Batch::<f32x16>::new(model, nworld, worker_code(code), pool, options, restart)?)
             }
         };
         Ok(Worlds {
@@ -445,10 +453,11 @@ impl Worlds {
                     "{name} differs in length between worlds: it needs a list per world"
                 )));
             };
-            let expected = nworld * nstep * width;
-            if rows.len() != expected || (lists && nstep != 1) {
+            if memory::product(&[nworld, nstep, width]) != Some(rows.len()) || (lists && nstep != 1) {
                 let given = rows.len();
-                return Err(Error::Input(format!("array for {name} has {given} entries; expected {expected}")));
+                return Err(Error::Input(format!(
+                    "array for {name} has {given} entries; expected nworld {nworld} × nstep {nstep} × {width}"
+                )));
             }
         }
         Ok(())
@@ -472,7 +481,8 @@ impl Worlds {
         let nworld = self.count(rollout.ids)?;
         rollout.check(&self.model, nworld)?;
         let zeros = |output: &Output| {
-            memory::zeros("the outputs", &[nworld, rollout.nstep, output.width(&self.model).unwrap_or(0)])
+            let entries = [nworld, rollout.nstep, output.width(&self.model).unwrap_or(0)];
+            memory::zeros("the outputs", &entries, self.options.max_memory)
         };
         let mut outputs = rollout.outputs.iter().map(zeros).collect::<Result<Vec<_>, _>>()?;
         let rows = outputs.iter_mut().map(|output| Rows::F64(output)).collect();
@@ -519,11 +529,45 @@ impl Worlds {
 
     /// Computes `outputs` without stepping, no more than they need, and hands each world's to `sink`, in the order of
     /// worlds: world, then one array per output.
-    pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
-        let mut lists = vec![vec![Vec::new(); self.nworld()]; outputs.len()];
-        self.engine.read_all(outputs, lists.iter_mut().map(|list| Rows::Lists(list)).collect(), None);
+    ///
+    /// # Errors
+    ///
+    /// If there is no memory for them.
+    pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) -> Result<(), Error> {
+        let columns = self.columns(outputs)?;
         for world in 0..self.nworld() {
-            sink(world, lists.iter_mut().map(|list| std::mem::take(&mut list[world])).collect());
+            sink(world, columns.iter().map(|column| column.of(world).to_vec()).collect());
+        }
+        Ok(())
+    }
+
+    /// The same, output by output.
+    pub(crate) fn columns(&mut self, outputs: &[Output]) -> Result<Vec<Column>, Error> {
+        let mut columns = outputs.iter().map(|output| self.column(output)).collect::<Result<Vec<_>, _>>()?;
+        self.engine.read_all(outputs, columns.iter_mut().map(Column::rows).collect(), None);
+        Ok(columns)
+    }
+
+    /// Room for an output of all worlds.
+    fn column(&self, output: &Output) -> Result<Column, Error> {
+        let (what, limit) = ("the outputs", self.options.max_memory);
+        let nworld = self.nworld();
+        match output.width(&self.model) {
+            Some(width) => Ok(Column::Numbers { values: memory::zeros(what, &[nworld, width], limit)?, width }),
+            None => {
+                memory::ask(what, &[nworld, size_of::<Vec<f64>>()])?;
+                Ok(Column::Lists(vec![Vec::new(); nworld]))
+            }
+        }
+    }
+
+    /// Bytes per world and per thread, as [`memory`](Worlds::memory) says of a batch, without making one.
+    pub fn memory_of(model: &Model, options: &Options) -> (usize, usize) {
+        match (options.precision, options.backend == Backend::Scalar) {
+            (Precision::F64, true) => Batch::<f64>::memory_of(model),
+            (Precision::F32, true) => Batch::<f32>::memory_of(model),
+            (Precision::F64, false) => Batch::<f64x8>::memory_of(model),
+            (Precision::F32, false) => Batch::<f32x16>::memory_of(model),
         }
     }
 
@@ -546,8 +590,31 @@ pub(crate) fn check_fit(name: &str, rows: &Strided<'_>, nworld: usize, width: us
         return Ok(());
     }
     let given = rows.values.len();
-    let expected = nworld * width;
-    Err(Error::Input(format!("{name} has {given} numbers; expected {expected} = nworld {nworld} × {width}")))
+    Err(Error::Input(format!("{name} has {given} numbers; expected nworld {nworld} × {width}")))
+}
+
+/// An output of all worlds.
+pub(crate) enum Column {
+    /// As many numbers for each.
+    Numbers { values: Vec<f64>, width: usize },
+    /// Another number for each.
+    Lists(Vec<Vec<f64>>),
+}
+
+impl Column {
+    fn rows(&mut self) -> Rows<'_> {
+        match self {
+            Column::Numbers { values, .. } => Rows::F64(values),
+            Column::Lists(lists) => Rows::Lists(lists),
+        }
+    }
+
+    fn of(&self, world: usize) -> &[f64] {
+        match self {
+            Column::Numbers { values, width } => &values[world * width..][..*width],
+            Column::Lists(lists) => &lists[world],
+        }
+    }
 }
 
 /// A keyframe, or the reference configuration.

@@ -13,7 +13,7 @@ use support::{all_models, load, options};
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 const WORLDS: usize = 12;
-/// Allocations of one call that come and go: those of the queue through which the pool is woken.
+/// Allocations of one call that come and go: that of the work which is lent to helpers, and what these need at first.
 const SLACK: usize = 8;
 
 /// Allocations during a rollout of `nstep` steps from the reference configuration; the fewest of a few calls.
@@ -55,6 +55,33 @@ fn assert_parameters_are_silent() {
     assert!(long <= short + SLACK, "parameters: {short} allocations in 1000 steps, {long} in 2000");
 }
 
+/// Nor do they where events are recorded of worlds that change places.
+fn assert_events_are_silent() {
+    let model = load("zoo/ant");
+    let few = Options { max_contacts: 1, ..options(Precision::F64, Backend::Auto) };
+    let mut worlds = Worlds::new(&model, WORLDS, &few).expect("a batch");
+    allocations(&mut worlds, &[], 2000, 1);
+    assert!((0..WORLDS).any(|world| !worlds.status_detail(world).expect("a world").is_empty()));
+    let short = allocations(&mut worlds, &[], 1000, 2);
+    let long = allocations(&mut worlds, &[], 4000, 2);
+    assert!(long <= short + SLACK, "events: {short} allocations in 1000 steps, {long} in 4000");
+}
+
+/// A pool of many threads allocates for those that have something to do.
+fn assert_idle_threads_take_nothing() {
+    let model = load("zoo/humanoid18");
+    let bytes = |threads| {
+        let region = Region::new(ALLOCATOR);
+        let options = Options { threads: Some(threads), ..options(Precision::F64, Backend::Wide) };
+        let mut worlds = Worlds::new(&model, 5, &options).expect("a batch");
+        worlds.step(100).expect("steps");
+        region.change().bytes_allocated
+    };
+    bytes(1);
+    let (one, many) = (bytes(1), bytes(64));
+    assert!(many < one + one / 2, "{one} bytes with one thread, {many} with 64");
+}
+
 /// One test, so that no other allocates meanwhile.
 #[test]
 fn steps_do_not_allocate() {
@@ -70,4 +97,6 @@ fn steps_do_not_allocate() {
         assert_silent(&format!("ant with {option}={value}"), &model, &reset);
     }
     assert_parameters_are_silent();
+    assert_events_are_silent();
+    assert_idle_threads_take_nothing();
 }

@@ -228,7 +228,9 @@ fn run(worlds: &mut Worlds, ids: &[usize]) -> Vec<Vec<u64>> {
     let rollout = Rollout { nstep: STEPS, controls, outputs: &outputs[..2], ..Rollout::default() };
     let mut rows = worlds.rollout(&rollout).expect("a rollout").outputs;
     let mut last = vec![Vec::new(); outputs.len()];
-    worlds.forward(&outputs, &mut |_, lists| last.iter_mut().zip(lists).for_each(|(all, own)| all.extend(own)));
+    worlds
+        .forward(&outputs, &mut |_, lists| last.iter_mut().zip(lists).for_each(|(all, own)| all.extend(own)))
+        .expect("outputs");
     rows.extend(last);
     let of_world = |world: usize| {
         let part = |values: &Vec<f64>| {
@@ -420,7 +422,7 @@ fn outputs_have_the_worlds_masses() {
     let outputs = ["subtree_com", "energy", "qM"].map(|name| Output::named(name).expect("an output"));
     let read = |worlds: &mut Worlds| {
         let mut last = Vec::new();
-        worlds.forward(&outputs, &mut |_, lists| last = lists);
+        worlds.forward(&outputs, &mut |_, lists| last = lists).expect("outputs");
         last
     };
     let (nominal, own) = (Numbers::nominal(), Numbers::of(2).only(Parameter::BodyMass));

@@ -97,7 +97,7 @@ fn what_is_not_built_yet_says_so() {
         let mut worlds = worlds(&model, 1);
         fails(worlds.step(1), &format!("{message} is not built yet (set option integrator=Euler)"));
         assert_eq!(worlds.get(Field::Time, 0).expect("the time"), [0.0], "nothing has run");
-        worlds.forward(&[], &mut |_, _| {});
+        worlds.forward(&[], &mut |_, _| {}).expect("outputs");
     }
 }
 
@@ -243,13 +243,15 @@ fn every_output_has_the_length_that_it_announces() {
         let model = load(name);
         let all: Vec<Output> = Output::all().map(|(name, _)| Output::named(name).expect("an output")).collect();
         assert!(Output::all().all(|(name, meaning)| !name.is_empty() && !meaning.is_empty()));
-        worlds(&model, 3).forward(&all, &mut |_, values| {
-            for (output, values) in all.iter().zip(&values) {
-                if let Some(width) = output.width(&model) {
-                    assert_eq!(values.len(), width, "{name} {}", output.name());
+        worlds(&model, 3)
+            .forward(&all, &mut |_, values| {
+                for (output, values) in all.iter().zip(&values) {
+                    if let Some(width) = output.width(&model) {
+                        assert_eq!(values.len(), width, "{name} {}", output.name());
+                    }
                 }
-            }
-        });
+            })
+            .expect("outputs");
     }
 }
 
@@ -278,7 +280,7 @@ fn every_output_is_the_same_alone() {
             };
             let collect = |worlds: &mut Worlds, outputs: &[Output]| {
                 let mut rows = vec![];
-                worlds.forward(outputs, &mut |_, values| rows.push(values));
+                worlds.forward(outputs, &mut |_, values| rows.push(values)).expect("outputs");
                 rows
             };
             let together = collect(&mut start(-0.9), &all);
@@ -359,7 +361,7 @@ fn a_world_keeps_its_first_contacts_and_says_that_there_were_more() {
     let run = |max_contacts: usize| {
         let mut worlds = Worlds::new(&model, 1, &Options { max_contacts, ..wide() }).expect("a batch");
         let mut counts = vec![];
-        worlds.forward(&outputs(["ncon"]), &mut |_, values| counts.push(values[0][0]));
+        worlds.forward(&outputs(["ncon"]), &mut |_, values| counts.push(values[0][0])).expect("outputs");
         (counts[0], worlds.status(0).expect("a status").names())
     };
     assert_eq!(run(6), (6.0, vec![]));
@@ -395,4 +397,24 @@ fn hashes_tell_states_apart() {
     assert_eq!(hash(0.1, 0.2), hash(0.1, 0.2));
     assert_ne!(hash(0.1, 0.2), hash(0.2, 0.1));
     assert_ne!(hash(0.1, 0.2), hash(0.1, 0.2 + 1e-16));
+}
+
+#[test]
+fn threads_and_pins_leave_the_bits_alone() {
+    let model = load("zoo/cheetah");
+    let run = |threads: usize, pin: bool, calls: usize| {
+        let options = Options { threads: Some(threads), pin, backend: Backend::Auto, ..wide() };
+        let mut worlds = Worlds::new(&model, 100, &options).expect("a batch");
+        for _ in 0..calls {
+            let controls = Controls::Noise { seed: 3, scale: 1.0 };
+            worlds.rollout(&Rollout { nstep: 60 / calls, controls, ..Rollout::default() }).expect("a rollout");
+        }
+        worlds.state_hash()
+    };
+    for calls in [1, 20] {
+        let alone = run(1, false, calls);
+        for (threads, pin) in [(2, false), (2, true), (5, false), (64, true)] {
+            assert_eq!(run(threads, pin, calls), alone, "{threads} threads, pin {pin}, {calls} calls");
+        }
+    }
 }

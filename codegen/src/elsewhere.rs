@@ -30,6 +30,10 @@ impl Code {
         match self.none {}
     }
 
+    pub fn bytes(&self) -> &[u8] {
+        match self.none {}
+    }
+
     /// # Safety
     ///
     /// Cannot be called.

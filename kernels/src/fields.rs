@@ -18,6 +18,10 @@ pub trait Field<L> {
     fn zeros(n: usize) -> Self;
     /// Lanes per entry.
     fn width() -> usize;
+    /// Bytes of `n` entries.
+    fn bytes(n: usize) -> usize {
+        n.saturating_mul(Self::width() * size_of::<L>())
+    }
     /// All lanes, entry by entry.
     fn lanes(&mut self) -> &mut [L];
 }
@@ -61,6 +65,10 @@ macro_rules! fields {
             /// All fields zero, with the lengths that the model needs.
             pub fn new($sizes: &$crate::model::Sizes) -> Self {
                 $name { $($field: <$type as $crate::fields::Field<$l>>::zeros($len),)* }
+            }
+            /// Bytes of all fields.
+            pub fn bytes($sizes: &$crate::model::Sizes) -> usize {
+                0_usize$(.saturating_add(<$type as $crate::fields::Field<$l>>::bytes($len)))*
             }
             /// Calls `f` with every field, in the order of declaration.
             pub fn for_each<'a>(&'a mut self, f: &mut dyn FnMut($crate::fields::FieldView<'a, $l>)) {

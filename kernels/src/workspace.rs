@@ -62,4 +62,24 @@ impl<L: LaneQuery> Workspace<L> {
             energy: Energy::new(sizes),
         }
     }
+
+    /// Bytes of it, but for lists that grow when they must.
+    pub fn bytes(model: &Model<L::Real>) -> usize {
+        let sizes = &model.sizes;
+        let of = |stage: Stage| stage.sizes(model);
+        let stages = [
+            Position::<L>::bytes(sizes),
+            Inertia::<L>::bytes(sizes),
+            Collision::<L>::bytes(model),
+            Velocity::<L>::bytes(sizes),
+            Constraint::<L>::bytes(model),
+            Passive::<L>::bytes(&of(Stage::Passive)),
+            Actuation::<L>::bytes(&of(Stage::Actuation)),
+            Acceleration::<L>::bytes(sizes),
+            SolverWork::<L>::bytes(model),
+            Integration::<L>::bytes(&of(Stage::Integration)),
+            Energy::<L>::bytes(sizes),
+        ];
+        stages.into_iter().fold(0, usize::saturating_add)
+    }
 }

@@ -56,13 +56,18 @@ class Worlds:
     What is done costs what so many worlds take, and the others keep their bits.
 
     precision: "f64", or "f32" for twice the worlds per vector register.
-    threads: worker threads; None: as many as there are processors.
+    threads: threads that may work at once, the caller's among them; None: as many as there are processors. Jobs too small
+        to be worth it wake none.
     on_diverge: what happens to worlds whose state would become NaN, infinite or huge. "freeze": they keep their last good
         state, and `status` says so. "reset": they start anew from the reference configuration and go on; `status` keeps
         what happened. "raise": they are frozen, and `step` raises `DivergedError` once all others are done.
     backend: "auto", "native" (machine code made for the model), "wide" (SIMD lanes) or "scalar" (one world at a time);
         the same bits. "auto" is "native" where the machine allows it, else "wide".
     max_contacts: most contacts of a world.
+    pin: tie threads to processors, if there is one for every processor that the process may use: for a machine that does
+        nothing else.
+    max_memory: most bytes for worlds and threads; None: three quarters of what the system has to give. More is refused with
+        `WorldMemoryError`.
 
     Worlds can be copied and pickled: what `save_state` saves goes along. They cannot be used in a forked process.
     Several batches may be used from several Python threads at once; the interpreter is free while one is stepped.
@@ -80,6 +85,8 @@ class Worlds:
         *,
         backend: str = "auto",
         max_contacts: int = 1024,
+        pin: bool = False,
+        max_memory: int | None = None,
         _pool: Any = None,
     ) -> None:
         check_model(model)
@@ -89,6 +96,7 @@ class Worlds:
         _arrays.choice("backend", backend, BACKENDS)
         threads = None if threads is None else _arrays.count("threads", threads, 1)
         max_contacts = _arrays.count("max_contacts", max_contacts, 0)
+        max_memory = None if max_memory is None else _arrays.count("max_memory", max_memory, 1)
         self._model = copy.copy(model)  # Options set later concern worlds made later.
         self._nworld = nworld
         self._precision = precision
@@ -97,6 +105,8 @@ class Worlds:
             precision=precision,
             backend=backend,
             threads=threads,
+            pin=bool(pin),
+            max_memory=max_memory,
             on_diverge=on_diverge,
             max_contacts=max_contacts,
         )

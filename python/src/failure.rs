@@ -14,7 +14,7 @@ pub fn raise(py: Python<'_>, error: Error) -> PyErr {
         Error::Input(_) => new(py, "InputError", (text,)),
         Error::Options(_) => new(py, "OptionError", (text,)),
         Error::Unknown(_) => new(py, "UnknownNameError", (text,)),
-        Error::Memory { .. } => new(py, "WorldMemoryError", (text,)),
+        Error::Memory { .. } | Error::MemoryLimit { .. } => new(py, "WorldMemoryError", (text,)),
         Error::Diverged { .. } => new(py, "DivergedError", (text,)),
         Error::Cancelled => new(py, "LanesimError", (text,)),
     }

@@ -37,9 +37,9 @@ pub struct Pool(AtHome<Arc<lanesim::pool::Pool>>, Home);
 #[pymethods]
 impl Pool {
     #[new]
-    #[pyo3(signature = (threads=None))]
-    fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
-        let pool = lanesim::pool::Pool::new(threads).map_err(|e| raise(py, e))?;
+    #[pyo3(signature = (threads=None, pin=false))]
+    fn new(py: Python<'_>, threads: Option<usize>, pin: bool) -> PyResult<Self> {
+        let pool = lanesim::pool::Pool::new(threads, pin).map_err(|e| raise(py, e))?;
         Ok(Pool(AtHome::new(Arc::new(pool)), Home::here()))
     }
 
@@ -56,6 +56,8 @@ pub struct Choice {
     precision: String,
     backend: String,
     threads: Option<usize>,
+    pin: bool,
+    max_memory: Option<usize>,
     on_diverge: String,
     max_contacts: usize,
 }
@@ -72,6 +74,8 @@ impl Choice {
             },
             instructions: None,
             threads: self.threads,
+            pin: self.pin,
+            max_memory: self.max_memory,
             on_diverge: match &*self.on_diverge {
                 "reset" => OnDiverge::Reset { key: None },
                 "raise" => OnDiverge::Error,

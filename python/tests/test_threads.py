@@ -317,3 +317,21 @@ def test_nothing_leaks() -> None:
     assert done.returncode == 0, done.stderr
     # One cycle keeps more than 10 MB while it lasts: 30 of them leaking a tenth of that would show.
     assert int(done.stdout) < 15_000_000, done.stdout
+
+
+def test_pins_leave_the_bits_alone(ant) -> None:
+    def run(**choice) -> int:
+        worlds = lanesim.Worlds(ant, 40, **choice)
+        worlds.ctrl = np.linspace(-1, 1, 40 * ant.nu).reshape(40, ant.nu)
+        for _ in range(10):
+            worlds.step(7)
+        return worlds.state_hash()
+
+    assert run(threads=1) == run(threads=2, pin=True) == run(threads=5)
+
+
+def test_memory_beyond_the_limit_is_refused_with_the_figures(ant) -> None:
+    with pytest.raises(lanesim.errors.WorldMemoryError, match=r"the worlds .* would take .*, the limit is 1\.0 MB"):
+        lanesim.Worlds(ant, 100_000, max_memory=1_000_000)
+    with pytest.raises(ValueError, match="max_memory"):
+        lanesim.Worlds(ant, 1, max_memory=0)

@@ -76,7 +76,7 @@ impl RunArgs {
         let forces = [Field::QfrcApplied, Field::XfrcApplied];
         let kept = Field::ALL.iter().filter(|(field, _)| !forces.contains(field));
         let state: usize = kept.map(|(field, _)| field.len(model)).sum();
-        memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64])
+        memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64], self.max_memory)
     }
 
     /// The library's options.
@@ -97,6 +97,8 @@ impl RunArgs {
                 Instructions::Avx512 => lanesim::InstructionSet::Avx512,
             }),
             threads: self.threads.map(|n| n as usize),
+            pin: self.pin && !self.no_pin,
+            max_memory: self.max_memory,
             on_diverge: match self.on_diverge {
                 OnDiverge::Freeze => lanesim::OnDiverge::Freeze,
                 OnDiverge::Reset => lanesim::OnDiverge::Reset { key: None },

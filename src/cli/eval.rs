@@ -69,7 +69,7 @@ impl Eval {
         let fields: Vec<&str> = self.fields.iter().map(|name| name.trim()).collect();
         let width: usize =
             fields.iter().filter_map(|name| Output::named(name).ok()).filter_map(|output| output.width(&model)).sum();
-        memory::check("the fields", &[n, width, size_of::<f64>()])?;
+        memory::check("the fields", &[n, width, size_of::<f64>()], self.run.max_memory)?;
         self.run.check_memory(&model, n)?;
         let arrays = lanesim::eval::eval(&model, &states, &fields, self.nstep as usize, &self.run.options())?;
         npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use lanesim::plan::{Part, Plan};
-use lanesim::{CodePart, Model};
+use lanesim::{CodePart, Model, Worlds};
 use serde_json::{Map, Value, json};
 
 use super::engine::{self, Loaded};
@@ -34,8 +34,7 @@ impl Info {
     /// Prints sizes, memory, options and what was left out.
     pub fn run(self) -> Result<(), Failure> {
         let Loaded { model, seconds } = engine::load(&self.model)?;
-        // A model that loads but cannot be stepped still has sizes.
-        let memory = self.run.worlds(&model, 1, None).map(|w| w.memory()).ok();
+        let memory = Worlds::memory_of(&model, &self.run.options());
         if let Some(part) = &self.disassembly {
             return disassembly(&self.code(&model)?, part);
         }
@@ -50,10 +49,8 @@ impl Info {
         let options = &model.tables().options;
         let mut rows = vec![("model", model.name().to_owned())];
         rows.extend(model.sizes().iter().map(|(name, n)| (*name, n.to_string())));
-        if let Some((world, thread)) = memory {
-            rows.push(("bytes per world", world.to_string()));
-            rows.push(("scratch bytes per thread", thread.to_string()));
-        }
+        rows.push(("bytes per world", memory.0.to_string()));
+        rows.push(("scratch bytes per thread", memory.1.to_string()));
         rows.push(("timestep", format!("{} s", options.timestep)));
         rows.push(("integrator", format!("{:?}", options.integrator)));
         rows.push(("cone", format!("{:?}", options.cone)));
@@ -129,20 +126,12 @@ fn code_json(code: &[CodePart]) -> Value {
     code.iter().map(part).collect()
 }
 
-fn json_of(
-    model: &Model,
-    memory: Option<(usize, usize)>,
-    seconds: f64,
-    parts: &[Part],
-    code: Option<&[CodePart]>,
-) -> Value {
+fn json_of(model: &Model, memory: (usize, usize), seconds: f64, parts: &[Part], code: Option<&[CodePart]>) -> Value {
     let mut out = Map::new();
     out.insert("model".into(), model.name().into());
     out.extend(model.sizes().iter().map(|(name, n)| ((*name).to_owned(), Value::from(*n))));
-    if let Some((world, thread)) = memory {
-        out.insert("bytes_per_world".into(), world.into());
-        out.insert("scratch_bytes_per_thread".into(), thread.into());
-    }
+    out.insert("bytes_per_world".into(), memory.0.into());
+    out.insert("scratch_bytes_per_thread".into(), memory.1.into());
     out.insert("timestep".into(), model.tables().options.timestep.into());
     out.insert("load_seconds".into(), seconds.into());
     let part = |part: &Part| json!({ "stage": part.name.trim(), "runs": part.runs, "what": part.what });

@@ -79,9 +79,19 @@ struct RunArgs {
     /// Instruction set of machine code made for the model [default: the best that this machine has]
     #[arg(long, value_enum, value_name = "SET")]
     instructions: Option<Instructions>,
-    /// Worker threads [default: all that this process may use]
+    /// Threads [default: all that this process may use]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     threads: Option<u32>,
+    /// Tie threads to processors, if there is one for every processor that this process may use: for a machine that does nothing
+    /// else
+    #[arg(long, overrides_with = "no_pin")]
+    pin: bool,
+    /// Leave threads free to move [default]
+    #[arg(long, overrides_with = "pin")]
+    no_pin: bool,
+    /// Most memory for worlds and threads, and for outputs, such as 500M or 8G [default: three quarters of what is available]
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    max_memory: Option<usize>,
     /// What is done about a world whose state becomes non-finite or huge
     #[arg(long, value_enum, default_value_t = OnDiverge::Freeze, value_name = "POLICY")]
     on_diverge: OnDiverge,
@@ -125,6 +135,16 @@ enum Instructions {
 
 /// Most worlds and most steps of one call: beyond any memory or patience, but small enough for exact arithmetic.
 const COUNT_MAX: i64 = 1 << 31;
+
+/// A number of bytes, or of thousands (k), millions (M), billions (G).
+fn bytes(text: &str) -> Result<usize, String> {
+    let units = [("k", 1e3), ("M", 1e6), ("G", 1e9)];
+    let unit = units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, *size)));
+    let (number, size) = unit.unwrap_or((text, 1.0));
+    let number: f64 = number.trim().parse().map_err(|_| "expected a number of bytes, such as 500M or 8G".to_owned())?;
+    let all = number * size;
+    if (1.0..1e18).contains(&all) { Ok(all as usize) } else { Err("must be from 1 to 1e18 bytes".into()) }
+}
 
 fn count(text: &str) -> Result<usize, String> {
     let n: i64 = text.parse().map_err(|e| format!("{e}"))?;

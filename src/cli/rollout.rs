@@ -70,7 +70,7 @@ impl Rollout {
         output::losses(&model);
         let outputs = engine::outputs(&self.outputs)?;
         let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
-        memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()])?;
+        memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()], self.run.max_memory)?;
         let controls = self.controls(&model)?;
         let mut worlds = self.run.worlds(&model, self.worlds, self.key(&model)?)?;
         self.start(&model, &mut worlds)?;

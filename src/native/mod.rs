@@ -13,6 +13,8 @@ mod rounds;
 mod rows;
 mod solver;
 mod structure;
+#[cfg(test)]
+mod tests;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -44,9 +46,11 @@ use structure::Structure;
 const MOST_OPERATIONS: usize = 60_000;
 /// Operations that the smooth stages take for a link, about, beside the factorisation.
 const PER_LINK: usize = 500;
+/// Operations beyond which not even what does not depend on the state is looked for.
+const MOST_RECORDED: usize = 1 << 20;
 
-/// Code of a part, made at first use; `None` if it cannot be had.
-type Part<T> = OnceLock<Option<Fragment<T>>>;
+/// Code of a part, made at first use; `None` if it cannot be had. There may be one for each of a million pairs.
+type Part<T> = OnceLock<Option<Box<Fragment<T>>>>;
 
 /// All code of a model for one number type and instruction set.
 pub(crate) struct ModelCode<T: Float> {
@@ -89,9 +93,8 @@ impl<T: Float> ModelCode<T> {
     pub fn new(tables: &Arc<Tables<T>>, isa: InstructionSet) -> Result<Self, CompileError> {
         isa.check()?;
         let code = ModelCode::varying(tables, isa, Quantities::NONE);
-        // Whether the system lets new code run shows at the first piece.
-        let euler = parts::euler(tables, Quantities::NONE).compile(isa)?.named("euler");
-        code.readers.first.euler.get_or_init(|| Some(euler));
+        // Whether the system lets new code run shows at the first piece, however small.
+        parts::probe::<T>().compile(isa)?;
         Ok(code)
     }
 
@@ -154,9 +157,9 @@ impl<T: Float> ModelCode<T> {
     ) -> Option<&'a Fragment<T>> {
         part.get_or_init(|| {
             let small = operations(&self.tables) <= MOST_OPERATIONS;
-            if small { compile(&self.tables).ok().map(|code| code.named(name)) } else { None }
+            if small { compile(&self.tables).ok().map(|code| Box::new(code.named(name))) } else { None }
         })
-        .as_ref()
+        .as_deref()
     }
 
     fn smooth<'a>(&self, readers: &'a Readers<T>, kind: SmoothKind) -> Option<&'a Fragment<T>> {
@@ -164,9 +167,13 @@ impl<T: Float> ModelCode<T> {
         self.get("smooth", readers.smooth(kind), operations, |_| parts::smooth(&readers.tables, kind, readers.set))
     }
 
-    /// The integration, if code can be had at all.
     fn euler<'a>(&self, readers: &'a Readers<T>) -> Option<&'a Fragment<T>> {
-        self.get("euler", &readers.euler, |_| 0, |_| parts::euler(&readers.tables, readers.set))
+        self.get(
+            "euler",
+            &readers.euler,
+            |_| parts::operations_of_euler(&readers.tables),
+            |_| parts::euler(&readers.tables, readers.set),
+        )
     }
 
     fn joints(&self) -> Option<&Fragment<T>> {
@@ -174,7 +181,11 @@ impl<T: Float> ModelCode<T> {
     }
 
     fn structure(&self) -> &Structure<T> {
-        self.structure.get_or_init(|| Structure::new(&self.tables, self.set))
+        self.structure.get_or_init(|| {
+            let sizes = &self.tables.sizes;
+            let small = PER_LINK * sizes.nlink + 10 * sizes.nm <= MOST_RECORDED;
+            if small { Structure::new(&self.tables, self.set) } else { Structure::unknown() }
+        })
     }
 
     #[inline]
@@ -369,6 +380,8 @@ const JOINT_FIELDS: usize = 3;
 impl<L: Block> Code<L> for Native<L::Float> {
     fn vary(&mut self, model: &Arc<Tables<L::Float>>, set: Quantities) {
         let all = !set.and(readers::INERTIAL).is_empty();
+        // A new one from the start: calls and places of patterns that were kept are those of the code as it was.
+        *self = Native::new(self.base.clone());
         self.code = if all { self.base.inertial(model, set) } else { self.base.clone() };
         self.readers = if all { self.code.readers.first.clone() } else { self.code.readers.get(model, set) };
         if set.has(Quantity::Grip) {

@@ -17,7 +17,7 @@ use lanesim_kernels::stage::Stage;
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::velocity::Velocity;
 
-use super::readers;
+use super::{PER_LINK, readers, solver};
 
 /// Which of the smooth stages' code: without or with forces from outside, for steps alone or for whoever reads fields.
 #[derive(Clone, Copy, Debug)]
@@ -158,6 +158,25 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind, varying: Quantities)
         binder.recording.mask_output(mask);
     }
     binder.recording.finish()
+}
+
+/// The least that code can be for: a mask that is handed on.
+pub fn probe<T: Float>() -> Program<T> {
+    let mut recording = Recording::new();
+    let mask = recording.mask_input();
+    recording.mask_output(mask);
+    recording.finish()
+}
+
+/// Operations of the integration, about.
+pub fn operations_of_euler<T>(model: &Model<T>) -> usize {
+    let sizes = &model.sizes;
+    let damping = match &model.features {
+        features if !features.implicit_damping => 0,
+        features if features.articulated => PER_LINK * sizes.nlink,
+        _ => solver::work_of_factor(model, false) + 2 * sizes.nm,
+    };
+    100 * sizes.njnt + 20 * sizes.nv + damping
 }
 
 /// Fields: qpos, qvel, warm start, time, all of which change; M, spatial inertias of links, dof axes, smooth acceleration, qacc, smooth force, force of

@@ -133,7 +133,7 @@ pub struct Found {
 impl Found {
     /// Nothing yet.
     pub fn new<T: Float>(model: &Model<T>) -> Self {
-        Found { known: vec![None; 512], fill: Fill::new(&model.sizes) }
+        Found { known: vec![None; 512], fill: Fill::new(model) }
     }
 
     /// The place of a pattern that has room for the joined pairs; `None`: the fullest.

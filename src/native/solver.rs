@@ -275,8 +275,11 @@ fn pattern<T>(model: &Model<T>, filled: bool) -> Pattern {
     fullest.unwrap_or_else(|| model.tree_pattern.clone())
 }
 
-/// Multiplications in a factorisation.
+/// Multiplications in a factorisation; where the matrix is too large even to be read, no more than that.
 pub fn work_of_factor<T>(model: &Model<T>, filled: bool) -> usize {
+    if filled && model.sizes.nm > super::MOST_OPERATIONS {
+        return model.sizes.nm;
+    }
     operations_of(&pattern(model, filled))
 }
 

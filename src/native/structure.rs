@@ -19,6 +19,11 @@ pub struct Structure<T> {
 }
 
 impl<T: Float> Structure<T> {
+    /// That of a model too large to record: nothing is known.
+    pub fn unknown() -> Self {
+        Structure { axes: Vec::new(), inertia: Vec::new(), live: [true; 6] }
+    }
+
     /// That of a model, by computing axes and inertias with positions that are not known, nor what varies.
     pub fn new(model: &Model<T>, varying: Quantities) -> Self {
         let mut binder = Binder::new();

@@ -99,7 +99,11 @@ impl Worlds {
         if known.contains(&parameter) {
             return Ok(());
         }
-        let mut rows = memory::zeros("the worlds' parameters", &[self.nworld(), parameter.len(&self.model)])?;
+        let mut rows = memory::zeros(
+            "the worlds' parameters",
+            &[self.nworld(), parameter.len(&self.model)],
+            self.options.max_memory,
+        )?;
         rows.chunks_exact_mut(parameter.len(&self.model))
             .for_each(|row| row.copy_from_slice(parameter.of(&self.model)));
         let all = known.into_iter().chain([parameter]).map(Parameter::quantities);

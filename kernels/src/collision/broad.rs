@@ -59,6 +59,11 @@ impl<L: LaneQuery> Broad<L> {
         }
     }
 
+    /// Bytes of that.
+    pub fn bytes(model: &Model<L::Real>) -> usize {
+        model.pairs.len() * (size_of::<Test>() + size_of::<f64>() + size_of::<u32>()) + model.geoms.len()
+    }
+
     /// Finds where pairs are near, in the worlds of `alive`. Whether any may be. A pair that is near is due at once, so that none
     /// is where no test is due.
     pub fn test(

@@ -149,9 +149,11 @@ impl<L: LaneQuery> Collision<L> {
         }
     }
 
-    /// Bytes of the lists.
-    pub fn bytes(&self) -> usize {
-        self.found.capacity() * size_of::<Found<L>>() + self.slots.capacity() * size_of::<Slot>()
+    /// Bytes of that.
+    pub fn bytes(model: &Model<L::Real>) -> usize {
+        let (most, pairs) = (model.capacity().contacts, model.pairs.len());
+        let lists = most * (size_of::<Found<L>>() + size_of::<Slot>()) + pairs.min(most) * size_of::<Near>();
+        Colliders::<L>::bytes(&model.sizes) + lists + pairs * size_of::<Extent>() + Broad::<L>::bytes(model)
     }
 
     /// What the narrow phase found: the listed contacts, each at its place, and others.

@@ -259,13 +259,13 @@ impl<L: Lane> Constraint<L> {
         }
     }
 
-    /// Bytes of the lists.
-    pub fn bytes(&self) -> usize {
-        self.dof_rows.capacity() * size_of::<DofRow>()
-            + self.dof_lanes.capacity() * size_of::<DofLanes<L>>()
-            + self.contact_rows.capacity() * size_of::<ContactRow>()
-            + self.strengths.capacity() * size_of::<Strength<L>>()
-            + (self.reference.capacity() + self.jacobian.capacity() + 6 * self.motion.capacity()) * size_of::<L>()
+    /// Bytes of that.
+    pub fn bytes(model: &Model<L::Real>) -> usize {
+        let capacity = model.capacity();
+        capacity.dof_rows * (size_of::<DofRow>() + size_of::<DofLanes<L>>())
+            + capacity.contacts * (size_of::<ContactRow>() + size_of::<Strength<L>>())
+            + (7 * capacity.components + capacity.jacobian) * size_of::<L>()
+            + model.pairs.len() * size_of::<ContactRow>()
     }
 
     /// The rows on joints.

@@ -42,6 +42,12 @@ impl<L: Lane> Dual<L> {
         }
     }
 
+    /// Bytes of that.
+    pub fn bytes(model: &Model<L::Real>, dof: usize, component: usize) -> usize {
+        let (rows, nv) = (dof + component, model.sizes.nv);
+        if needed(model) { ((rows * nv).min(1 << 20) + 2 * nv + rows) * size_of::<L>() } else { 0 }
+    }
+
     /// The whitened row of a dof row.
     pub fn dof(&self, row: usize) -> &[L] {
         &self.b[row * self.nv..(row + 1) * self.nv]

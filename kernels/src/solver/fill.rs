@@ -1,7 +1,9 @@
 //! Pattern of the Hessian when contacts join branches: entries of the inertia matrix, entries between the dofs of each
 //! joining contact, and what elimination fills in.
 
-use crate::model::{Model, Pattern, Sizes, Span};
+use std::ops::Range;
+
+use crate::model::{Model, Pattern, Span};
 
 /// The pattern, and the bit sets from which it is made.
 #[derive(Clone, Debug, Default)]
@@ -10,23 +12,42 @@ pub struct Fill {
     pub pattern: Pattern,
     /// Whether it has been found.
     pub known: bool,
-    /// `words` words per row: columns below the diagonal.
+    /// Columns below the diagonal, for every row from the word of its first stored column to that of the diagonal.
     bits: Vec<u64>,
-    words: usize,
+    /// Where the word of column 0 of each row would be in `bits`, and the words that there are.
+    rows: Vec<(isize, Range<usize>)>,
 }
 
 impl Fill {
-    /// Room for any pattern.
-    pub fn new(sizes: &Sizes) -> Self {
-        let words = sizes.nv.div_ceil(64);
-        // A row of n columns has at most n/2 runs.
-        let runs = sizes.nv * (sizes.nv / 4 + 1);
+    /// Room for any pattern; none if no contact joins branches.
+    pub fn new<T>(model: &Model<T>) -> Self {
+        if !joins(model) {
+            return Fill::default();
+        }
+        let (bits, runs) = needs(model);
+        let nv = model.sizes.nv;
+        let mut start = 0;
+        let place = |(i, first): (usize, &u32)| {
+            let words = *first as usize / 64..i / 64 + 1;
+            let row = (start as isize - words.start as isize, words.clone());
+            start += words.len();
+            row
+        };
         Fill {
-            pattern: Pattern::with_capacity(sizes.nv, runs, sizes.nm),
-            bits: vec![0; words * sizes.nv],
-            words,
+            rows: model.rows.first.iter().enumerate().map(place).collect(),
+            pattern: Pattern::with_capacity(nv, runs, model.sizes.nm),
+            bits: vec![0; bits],
             known: false,
         }
+    }
+
+    /// Bytes of that.
+    pub fn bytes<T>(model: &Model<T>) -> usize {
+        if !joins(model) {
+            return 0;
+        }
+        let (bits, runs) = needs(model);
+        8 * (bits + runs) + 4 * model.sizes.nm + 40 * model.sizes.nv
     }
 
     /// Finds the pattern for contacts of the given pairs of links.
@@ -51,37 +72,46 @@ impl Fill {
     }
 
     fn set(&mut self, i: usize, j: usize) {
-        self.bits[i * self.words + j / 64] |= 1 << (j % 64);
+        let word = self.word(i, j / 64);
+        self.bits[word] |= 1 << (j % 64);
+    }
+
+    /// Where the word of row `i` with columns from 64 `w` on is.
+    fn word(&self, i: usize, w: usize) -> usize {
+        (self.rows[i].0 + w as isize) as usize
     }
 
     /// Eliminating row k couples all its columns: row i of them gets those below i.
     fn close(&mut self) {
-        let words = self.words;
-        let nv = self.bits.len().checked_div(words).unwrap_or(0);
-        for k in (0..nv).rev() {
-            let (above, row) = self.bits.split_at_mut(k * words);
-            for word in 0..words {
-                let mut left = row[word];
+        for k in (0..self.rows.len()).rev() {
+            let words = self.rows[k].1.clone();
+            let start = self.word(k, words.start);
+            let (above, row) = self.bits.split_at_mut(start);
+            for word in words.clone() {
+                let mut left = row[word - words.start];
                 while left != 0 {
                     let i = word * 64 + left.trailing_zeros() as usize;
                     left &= left - 1;
-                    for w in 0..word {
-                        above[i * words + w] |= row[w];
+                    // The rows of its columns begin no later than row k does.
+                    let first = (self.rows[i].0 + words.start as isize) as usize;
+                    for (to, from) in above[first..].iter_mut().zip(&row[..word - words.start]) {
+                        *to |= from;
                     }
-                    above[i * words + word] |= row[word] & ((1 << (i % 64)) - 1);
+                    above[first + word - words.start] |= row[word - words.start] & ((1 << (i % 64)) - 1);
                 }
             }
         }
     }
 
     fn collect_runs(&mut self) {
-        let Fill { pattern, bits, words, .. } = self;
+        let Fill { pattern, bits, rows: places, .. } = self;
         let Pattern { runs, rows, .. } = pattern;
         runs.clear();
         rows.clear();
-        for row in bits.chunks_exact((*words).max(1)) {
+        for (origin, words) in places {
             let start = runs.len();
-            for (w, word) in row.iter().enumerate() {
+            for w in words.clone() {
+                let word = &bits[(*origin + w as isize) as usize];
                 let mut left = *word;
                 while left != 0 {
                     let at = left.trailing_zeros();
@@ -98,4 +128,16 @@ impl Fill {
         }
         pattern.find_columns();
     }
+}
+
+/// Whether some contact joins branches.
+fn joins<T>(model: &Model<T>) -> bool {
+    model.pairs.iter().any(|pair| pair.cross)
+}
+
+/// Words of bits, and most runs. A row of n columns below the diagonal has at most (n + 1)/2 runs.
+fn needs<T>(model: &Model<T>) -> (usize, usize) {
+    let firsts = || model.rows.first.iter().map(|first| *first as usize).enumerate();
+    let words = firsts().map(|(i, first)| i / 64 + 1 - first / 64).sum();
+    (words, firsts().map(|(i, first)| (i - first).div_ceil(2)).sum())
 }

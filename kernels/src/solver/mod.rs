@@ -188,10 +188,19 @@ impl<L: Lane> SolverWork<L> {
             line: Line::new(),
             edge_force: Vec::with_capacity(if dual::needed(model) { 2 * component } else { 0 }),
             dual: dual::Dual::new(model, dof, component),
-            fill: Fill::new(&sizes),
+            fill: Fill::new(model),
             touched: vec![false; model.sizes.nlink],
             statistics: Statistics::none(),
         }
+    }
+
+    /// Bytes of that.
+    pub fn bytes(model: &Model<L::Real>) -> usize {
+        let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+        let edges = if dual::needed(model) { 2 * component } else { 0 };
+        let rows = (4 * (dof + component) + edges) * size_of::<L>() + model.sizes.nlink;
+        let fields = Solver::<L>::bytes(&Stage::Solver.sizes(model));
+        fields.saturating_add(rows + dual::Dual::<L>::bytes(model, dof, component) + Fill::bytes(model))
     }
 }
 
@@ -253,7 +262,7 @@ fn active_lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
 pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
     let joining: Vec<u32> = (0..model.pairs.len() as u32).filter(|p| model.pairs[*p as usize].cross).collect();
     (!joining.is_empty()).then(|| {
-        let mut fill = Fill::new(&model.sizes);
+        let mut fill = Fill::new(model);
         fill.find(model, joining.into_iter());
         fill.pattern
     })
