@@ -8,10 +8,11 @@
 >>> worlds.get("xpos").shape
 (1024, 10, 3)
 
-`Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model: ``step``,
-``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names. `rollout` has the shapes of ``mujoco.rollout``. `OUTPUTS`
-describes every quantity that ``Worlds.get`` and ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make
-differ between worlds. `lanesim.gym` has a vector environment.
+`Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model:
+``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
+`rollout` has the shapes of ``mujoco.rollout``. `OUTPUTS` describes every quantity that ``Worlds.get`` and
+``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector
+environment.
 """
 
 from . import _lanesim
