@@ -54,12 +54,12 @@ struct Job {
 
 impl Pool {
     /// Room for `threads` threads at once, the caller's among them; `None`: as many as processors are available to the process.
-    /// `pin` ties each helper to a processor of its own if there is a thread for every processor that the process may use;
-    /// fewer would crowd the first ones when several processes run side by side. The caller's thread stays free.
+    /// `pin` ties each helper to a processor of its own, for which there must be a thread for every processor that the process
+    /// may use: fewer would crowd the first ones when several processes run side by side. The caller's thread stays free.
     ///
     /// # Errors
     ///
-    /// If `threads` is 0 or more than 1024, or the system does not start as many.
+    /// If `threads` is 0 or more than 1024, or the system does not start as many, or cannot pin them.
     pub fn new(threads: Option<usize>, pin: bool) -> Result<Self, Error> {
         let threads = threads.unwrap_or_else(|| thread::available_parallelism().map_or(1, usize::from));
         if threads == 0 {
@@ -69,10 +69,16 @@ impl Pool {
             return Err(Error::Options(format!("threads is {threads}; expected at most {MOST_THREADS}")));
         }
         let cores = if pin { core_affinity::get_core_ids().unwrap_or_default() } else { Vec::new() };
+        if pin && cores.len() != threads {
+            let n = cores.len();
+            return Err(Error::Options(format!(
+                "pinning takes one thread for each of the {n} processors that this process may use; threads is {threads}"
+            )));
+        }
         let mut pool = Pool { shared: Arc::default(), helpers: Vec::with_capacity(threads - 1) };
         for number in 1..threads {
             let shared = pool.shared.clone();
-            let core = cores.get(number).copied().filter(|_| cores.len() == threads);
+            let core = cores.get(number).copied();
             let helper = move || {
                 if let Some(core) = core {
                     core_affinity::set_for_current(core);
@@ -235,7 +241,7 @@ mod tests {
 
     #[test]
     fn the_caller_works_on_its_own_thread() {
-        let pool = Pool::new(Some(3), true).expect("a pool");
+        let pool = Pool::new(Some(3), false).expect("a pool");
         let threads = Mutex::new(HashSet::new());
         pool.run(0, |number| {
             threads.lock().expect("threads").insert((number, thread::current().id()));
@@ -259,6 +265,17 @@ mod tests {
         while shares(&pool, 1, 20)[1] == 0 {}
         drop(pool);
         stalled.join().expect("a helper that ends with its pool");
+    }
+
+    #[test]
+    fn pins_are_for_all_processors_or_refused() {
+        let all = core_affinity::get_core_ids().map_or(0, |cores| cores.len());
+        if all > 0 {
+            let pool = Pool::new(Some(all), true).expect("a pool");
+            assert_eq!(shares(&pool, all, 50).iter().sum::<usize>(), 50);
+        }
+        let message = Pool::new(Some(all + 1), true).expect_err("too many").to_string();
+        assert!(message.contains(&format!("the {all} processors")), "{message}");
     }
 
     #[test]

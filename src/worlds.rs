@@ -69,8 +69,8 @@ pub struct Options {
     /// Threads that may work at once, the caller's among them; `None`: as many as processors are available. Jobs too small to
     /// be worth it wake none.
     pub threads: Option<usize>,
-    /// Whether threads are tied to processors, if there is one for every processor that the process may use: for a machine
-    /// that does nothing else. The caller's own thread stays free.
+    /// Whether threads are tied to processors, for a machine that does nothing else: there must be one for every processor
+    /// that the process may use. The caller's own thread stays free.
     pub pin: bool,
     /// Most bytes for worlds and scratch together, and for the outputs of a call; `None`: three quarters of what the
     /// system has to give. More is refused with an error.

@@ -64,8 +64,7 @@ class Worlds:
     backend: "auto", "native" (machine code made for the model), "wide" (SIMD lanes) or "scalar" (one world at a time);
         the same bits. "auto" is "native" where the machine allows it, else "wide".
     max_contacts: most contacts of a world.
-    pin: tie threads to processors, if there is one for every processor that the process may use: for a machine that does
-        nothing else.
+    pin: tie threads to processors, for a machine that does nothing else: one for every processor that the process may use.
     max_memory: most bytes for worlds and threads; None: three quarters of what the system has to give. More is refused with
         `WorldMemoryError`.
 

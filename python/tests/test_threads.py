@@ -327,7 +327,9 @@ def test_pins_leave_the_bits_alone(ant) -> None:
             worlds.step(7)
         return worlds.state_hash()
 
-    assert run(threads=1) == run(threads=2, pin=True) == run(threads=5)
+    assert run(threads=1) == run(threads=len(os.sched_getaffinity(0)), pin=True) == run(threads=5)
+    with pytest.raises(lanesim.errors.OptionError, match="pinning takes one thread for each"):
+        run(threads=1000, pin=True)
 
 
 def test_memory_beyond_the_limit_is_refused_with_the_figures(ant) -> None:

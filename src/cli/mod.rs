@@ -82,8 +82,7 @@ struct RunArgs {
     /// Threads [default: all that this process may use]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     threads: Option<u32>,
-    /// Tie threads to processors, if there is one for every processor that this process may use: for a machine that does nothing
-    /// else
+    /// Tie threads to processors, for a machine that does nothing else: one for every processor that this process may use
     #[arg(long, overrides_with = "no_pin")]
     pin: bool,
     /// Leave threads free to move [default]
