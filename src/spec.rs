@@ -21,13 +21,22 @@ pub struct Source {
 /// `true`, `false` or decided by what else is given (MJCF `auto`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tri {
-    /// Decided by whether the range is given.
+    /// Decided by whether a range is given whose lower end is below its upper one.
     #[default]
     Auto,
     /// Off.
     False,
     /// On.
     True,
+}
+
+/// Whether a range is in force: if the flag says so or, without a flag, if it has a lower end below its upper one.
+pub(crate) fn is_limited(range: Option<[f64; 2]>, flag: Tri) -> bool {
+    match flag {
+        Tri::True => true,
+        Tri::False => false,
+        Tri::Auto => range.is_some_and(|[lo, hi]| lo < hi),
+    }
 }
 
 /// What a whole model says: the input of the compiler.
@@ -219,7 +228,7 @@ pub struct Joint {
     pub pos: [f64; 3],
     /// Axis in the body frame, any positive length; slides and hinges.
     pub axis: [f64; 3],
-    /// Limits, rad or m; `None`: not given. Ball: (0, largest angle).
+    /// Limits, rad or m, infinite where there is none; `None`: not given. Ball: (0, largest angle).
     pub range: Option<[f64; 2]>,
     /// Whether the range is in force.
     pub limited: Tri,
@@ -573,24 +582,25 @@ impl Default for Actuator {
     }
 }
 
-/// A saved state (MJCF `keyframe/key`); `None`: the default value.
+/// A saved state (MJCF `keyframe/key`). What is missing, or short, is filled from the reference configuration, or with
+/// zeros.
 #[derive(Clone, Debug, Default)]
 pub struct Key {
     /// Name, or empty.
     pub name: String,
     /// Time, s.
     pub time: f64,
-    /// Positions, length `nq`.
+    /// Positions, at most `nq`.
     pub qpos: Option<Vec<f64>>,
-    /// Velocities, length `nv`.
+    /// Velocities, at most `nv`.
     pub qvel: Option<Vec<f64>>,
-    /// Activations, length `na`.
+    /// Activations, at most `na`.
     pub act: Option<Vec<f64>>,
-    /// Controls, length `nu`.
+    /// Controls, at most `nu`.
     pub ctrl: Option<Vec<f64>>,
-    /// Mocap positions, length `3 nmocap`.
+    /// Mocap positions, at most `3 nmocap`.
     pub mpos: Option<Vec<f64>>,
-    /// Mocap orientations, length `4 nmocap`.
+    /// Mocap orientations, at most `4 nmocap`.
     pub mquat: Option<Vec<f64>>,
     /// Where it was written.
     pub source: Source,

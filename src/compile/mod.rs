@@ -6,6 +6,7 @@
 
 mod actuators;
 mod arrays;
+mod bounds;
 mod check;
 mod constraints;
 mod derived;

@@ -57,18 +57,23 @@ impl Report {
         }
     }
 
+    /// Adds a note.
+    pub fn note(&mut self, what: impl Into<String>) {
+        self.notes.push(what.into());
+    }
+
+    /// Adds a note on an element.
+    pub fn note_on(&mut self, element: &Element, what: &str) {
+        self.note(placed(&element.source, &element.label(), what));
+    }
+
     /// Adds a loss.
     pub fn lose(&mut self, element: &Element, what: &str) {
         self.lose_at(&element.source, &element.label(), what);
     }
 
     fn lose_at(&mut self, source: &Source, element: &str, what: &str) {
-        let place = match (&source.file, source.line) {
-            (Some(file), line) => format!("{file}:{line}: "),
-            (None, 0) => String::new(),
-            (None, line) => format!("line {line}: "),
-        };
-        self.losses.push(format!("{place}{element}: {what}"));
+        self.losses.push(placed(source, element, what));
     }
 
     /// A pair that refers to a geom that was left out.
@@ -86,6 +91,16 @@ impl Report {
         spec.notes = self.notes;
         self.problems.into_result()
     }
+}
+
+/// A sentence on an element, with its place.
+fn placed(source: &Source, element: &str, what: &str) -> String {
+    let place = match (&source.file, source.line) {
+        (Some(file), line) => format!("{file}:{line}: "),
+        (None, 0) => String::new(),
+        (None, line) => format!("line {line}: "),
+    };
+    format!("{place}{element}: {what}")
 }
 
 /// One problem with a file as a whole.

@@ -35,6 +35,9 @@ const IDENTITY: &str = "name class";
 /// Orientation notations: at most one per element.
 pub(super) const ORIENTATIONS: &str = "quat axisangle euler xyaxes zaxis";
 
+/// What MuJoCo accepts in a `replicate`, and does not read.
+pub(super) const IDLE_IN_REPLICATE: &str = "name pos quat axisangle xyaxes zaxis";
+
 const COMPILER: &str = "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass conflict coordinate \
     discardvisual eulerseq fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough savecanonical \
     savecompiled saveinertial settotalmass strippath texturedir usethread";
@@ -174,8 +177,12 @@ static BODY: Rule = Rule {
 };
 static FRAME: Rule =
     Rule { tag: "frame", attributes: &["name childclass pos", ORIENTATIONS], children: &BODY_CHILDREN, ..PLAIN };
-static REPLICATE: Rule =
-    Rule { tag: "replicate", attributes: &["count offset euler sep childclass"], children: &BODY_CHILDREN, ..PLAIN };
+static REPLICATE: Rule = Rule {
+    tag: "replicate",
+    attributes: &["count offset euler sep childclass", IDLE_IN_REPLICATE],
+    children: &BODY_CHILDREN,
+    ..PLAIN
+};
 
 static CONTACT: Rule =
     section("contact", &[&leaf("pair", &[PAIR, IDENTITY, "geom1 geom2"]), &leaf("exclude", &["name body1 body2"])]);

@@ -4,6 +4,7 @@ mod actuators;
 mod bodies;
 mod model;
 mod text;
+mod written;
 
 use super::{LoadOptions, parse};
 use crate::spec::Spec;

@@ -36,7 +36,10 @@ fn refused_joints() {
     refuses(|s| s.bodies[1].joints.push(free()), "at most 6");
     refuses(|s| s.bodies[1].joints = vec![joint(JointKind::Ball, [0.0; 3]), hinge()], "ball joint is followed");
     refuses(|s| s.bodies[1].joints[0].axis = [0.0; 3], "axis has no direction");
-    refuses(|s| s.bodies[1].joints[0].range = Some([1.0, -1.0]), "joint \"j\": range is empty: 1 -1");
+    let reversed = |s: &mut Spec| {
+        (s.bodies[1].joints[0].range, s.bodies[1].joints[0].limited) = (Some([1.0, -1.0]), Tri::True);
+    };
+    refuses(reversed, "joint \"j\": range is empty: 1 -1");
     refuses(|s| s.bodies[1].joints[0].limited = Tri::True, "range is empty");
     refuses(|s| s.bodies[1].joints[0].armature = -1.0, "armature is negative");
     refuses(|s| s.bodies[1].joints[0].damping[0] = -1.0, "damping is negative");
@@ -118,13 +121,10 @@ fn refused_references() {
     let motor = |target: &str| Actuator { transmission: Transmission::Joint(target.into()), ..Actuator::default() };
     refuses(|s| s.actuators.push(motor("k")), "unknown joint \"k\"");
     refuses(|s| s.actuators.push(motor("")), "acts on nothing");
-    refuses(|s| s.actuators.push(Actuator { ctrlrange: Some([1.0, 0.0]), ..motor("j") }), "ctrlrange is empty");
+    refuses(|s| s.actuators.push(Actuator { ctrllimited: Tri::True, ..motor("j") }), "ctrlrange is empty");
     refuses(|s| s.actuators.push(Actuator { inheritrange: 1.0, ..motor("j") }), "joint \"j\" has no range");
     refuses(|s| s.actuators.push(Actuator { armature: -1.0, ..motor("j") }), "armature is negative");
-    refuses(
-        |s| s.keys.push(Key { qpos: Some(vec![0.0; 2]), ..Key::default() }),
-        "qpos has 2 numbers, the model needs 1",
-    );
+    refuses(|s| s.keys.push(Key { qpos: Some(vec![0.0; 2]), ..Key::default() }), "qpos has 2 numbers, the model has 1");
     refuses(|s| s.keys.push(Key { ctrl: Some(vec![f64::NAN]), ..Key::default() }), "ctrl has 1 numbers");
 }
 
