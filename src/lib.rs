@@ -24,6 +24,7 @@ pub mod spec;
 pub mod status;
 mod store;
 pub mod suggest;
+mod unbuilt;
 pub mod worlds;
 
 pub use compile::compile;

@@ -326,9 +326,7 @@ impl Model {
     pub fn check_step(&self) -> Result<(), Error> {
         let integrator = self.tables().options.integrator;
         if integrator != Integrator::Euler {
-            return Err(Error::Unsupported(format!(
-                "integrator {integrator:?} is not built yet (set option integrator=Euler)"
-            )));
+            return Err(Error::Unsupported(format!("integrator {integrator} is not supported (set integrator=Euler)")));
         }
         Ok(())
     }

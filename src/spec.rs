@@ -5,6 +5,7 @@
 //! kept in the order in which they were written. `compile` turns a `Spec` into a [`Model`](crate::Model) and is the only
 //! place that rejects one.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use lanesim_kernels::options::Options;
@@ -58,6 +59,8 @@ pub struct Spec {
     pub actuators: Vec<Actuator>,
     /// Keyframes.
     pub keys: Vec<Key>,
+    /// Where options and compiler settings were written, by element and attribute: `option timestep`, `flag sleep`.
+    pub written: BTreeMap<String, Source>,
     /// What a lenient load left out, one sentence each; empty otherwise.
     pub losses: Vec<String>,
     /// Notes to the user: things that were dropped without effect on the physics, deprecated spellings.
@@ -72,6 +75,11 @@ impl Spec {
             bodies: vec![Body { name: "world".into(), ..Body::default() }],
             ..Spec::default()
         }
+    }
+
+    /// Where an attribute of `option`, `flag` or `compiler` was written; nowhere if it was not.
+    pub(crate) fn place(&self, element: &str, attribute: &str) -> Source {
+        self.written.get(&format!("{element} {attribute}")).cloned().unwrap_or_default()
     }
 
     /// Adds a body to the body of index `parent` and returns its own index. The parent named in `body` does not count.

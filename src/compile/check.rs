@@ -5,10 +5,11 @@ use std::collections::HashSet;
 use super::names::{self, label};
 use crate::diagnostics::Diagnostics;
 use crate::spec::{
-    Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Options, Pair, Shape, Source, Spec, Transmission,
-    Tri, is_limited,
+    Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Pair, Shape, Source, Spec, Transmission, Tri,
+    is_limited,
 };
 use crate::suggest::did_you_mean;
+use crate::unbuilt::unbuilt;
 
 /// One element under examination.
 struct Element<'a> {
@@ -105,7 +106,7 @@ impl Element<'_> {
 pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
     let tree = check_tree(spec, diagnostics);
     names::check_unique(spec, diagnostics);
-    check_options(&spec.option, diagnostics);
+    check_options(spec, diagnostics);
     check_compiler(spec, diagnostics);
     let moving = if tree { moving(spec) } else { vec![false; spec.bodies.len()] };
     let (mut joint, mut geom, mut site) = (0, 0, 0);
@@ -162,45 +163,61 @@ fn moving(spec: &Spec) -> Vec<bool> {
     moving
 }
 
-fn check_options(o: &Options, diagnostics: &mut Diagnostics) {
-    let source = Source::default();
-    let mut option = Element { label: "option".into(), source: &source, diagnostics };
-    if !(o.timestep > 0.0 && o.timestep.is_finite()) {
-        option.refuse(format!("timestep is {}", o.timestep), "give a positive time step");
+/// A setting under examination, with the place where it was written.
+fn setting(
+    spec: &Spec,
+    element: &str,
+    attribute: &str,
+    diagnostics: &mut Diagnostics,
+    check: impl FnOnce(&mut Element),
+) {
+    let source = spec.place(element, attribute);
+    check(&mut Element { label: element.into(), source: &source, diagnostics });
+}
+
+fn check_options(spec: &Spec, diagnostics: &mut Diagnostics) {
+    let o = &spec.option;
+    for unbuilt in unbuilt(o) {
+        setting(spec, unbuilt.element, unbuilt.attribute, diagnostics, |e| {
+            e.refuse(format!("{} not supported", unbuilt.what), unbuilt.remedy);
+        });
     }
-    option.finite("gravity", &o.gravity);
-    option.finite("wind", &o.wind);
-    option.finite("magnetic", &o.magnetic);
-    for (name, x) in [("density", o.density), ("viscosity", o.viscosity)] {
-        if option.finite(name, &[x]) && x != 0.0 {
-            option.refuse(format!("{name} {x}: fluid forces are not supported yet"), format!("remove {name}"));
-        }
+    let mut check = |attribute: &str, check: &dyn Fn(&mut Element)| {
+        setting(spec, "option", attribute, diagnostics, |element| check(element));
+    };
+    for (name, x, what) in [("timestep", o.timestep, "time step"), ("impratio", o.impratio, "number")] {
+        check(name, &|e| {
+            if !(x > 0.0 && x.is_finite()) {
+                e.refuse(format!("{name} is {x}"), format!("give a positive {what}"));
+            }
+        });
     }
-    for (name, on) in [("diagexact", o.flags.diagexact), ("sleep", o.flags.sleep)] {
-        if on {
-            option.refuse(format!("the flag {name} is not supported yet"), format!("remove {name}"));
-        }
+    for (name, vector) in [("gravity", &o.gravity), ("wind", &o.wind), ("magnetic", &o.magnetic)] {
+        check(name, &|e| _ = e.finite(name, vector));
     }
-    if !(o.impratio > 0.0 && o.impratio.is_finite()) {
-        option.refuse(format!("impratio is {}", o.impratio), "give a positive number");
+    for (name, x) in [("density", o.density), ("viscosity", o.viscosity), ("o_margin", o.o_margin)] {
+        check(name, &|e| _ = e.finite(name, &[x]));
     }
-    option.not_negative("tolerance", &[o.tolerance]);
-    option.not_negative("ls_tolerance", &[o.ls_tolerance]);
-    option.not_negative("noslip_tolerance", &[o.noslip_tolerance]);
-    option.not_negative("ccd_tolerance", &[o.ccd_tolerance]);
-    option.finite("o_margin", &[o.o_margin]);
-    option.solref("o_solref", &o.o_solref);
-    option.finite("o_solimp", &o.o_solimp);
-    option.not_negative("o_friction", &o.o_friction);
+    let tolerances = [
+        ("tolerance", o.tolerance),
+        ("ls_tolerance", o.ls_tolerance),
+        ("noslip_tolerance", o.noslip_tolerance),
+        ("ccd_tolerance", o.ccd_tolerance),
+    ];
+    for (name, x) in tolerances {
+        check(name, &|e| e.not_negative(name, &[x]));
+    }
+    check("o_solref", &|e| e.solref("o_solref", &o.o_solref));
+    check("o_solimp", &|e| _ = e.finite("o_solimp", &o.o_solimp));
+    check("o_friction", &|e| e.not_negative("o_friction", &o.o_friction));
 }
 
 fn check_compiler(spec: &Spec, diagnostics: &mut Diagnostics) {
     let c = &spec.compiler;
-    let source = Source::default();
-    let mut compiler = Element { label: "compiler".into(), source: &source, diagnostics };
-    compiler.not_negative("boundmass", &[c.boundmass]);
-    compiler.not_negative("boundinertia", &[c.boundinertia]);
-    compiler.finite("settotalmass", &[c.settotalmass]);
+    for (name, x) in [("boundmass", c.boundmass), ("boundinertia", c.boundinertia)] {
+        setting(spec, "compiler", name, diagnostics, |e| e.not_negative(name, &[x]));
+    }
+    setting(spec, "compiler", "settotalmass", diagnostics, |e| _ = e.finite("settotalmass", &[c.settotalmass]));
 }
 
 fn check_body(spec: &Spec, index: usize, body: &Body, diagnostics: &mut Diagnostics) {

@@ -2,6 +2,7 @@
 
 mod actuators;
 mod bodies;
+mod left_out;
 mod model;
 mod text;
 mod written;

@@ -102,7 +102,7 @@ fn refused_options() {
     refuses(|s| s.option.timestep = 0.0, "option: timestep is 0");
     refuses(|s| s.option.timestep = f64::NAN, "timestep is NaN");
     refuses(|s| s.option.gravity[1] = f64::NAN, "gravity is not finite");
-    refuses(|s| s.option.density = 1.2, "density 1.2: fluid forces are not supported yet");
+    refuses(|s| s.option.density = 1.2, "density 1.2: fluid forces are not supported");
     refuses(|s| s.option.flags.diagexact = true, "the flag diagexact is not supported yet");
     refuses(|s| s.option.flags.sleep = true, "the flag sleep is not supported yet");
     refuses(|s| s.option.viscosity = 1e-5, "viscosity");
