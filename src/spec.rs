@@ -158,6 +158,8 @@ pub struct Body {
     pub mocap: bool,
     /// Fraction of the body's weight that is compensated.
     pub gravcomp: f64,
+    /// Whether [`Compiler::fusestatic`] may merge it into its parent.
+    pub fuse: bool,
     /// Explicit mass and inertia.
     pub inertial: Option<Inertial>,
     /// Joints, in order.
@@ -179,6 +181,7 @@ impl Default for Body {
             quat: [1.0, 0.0, 0.0, 0.0],
             mocap: false,
             gravcomp: 0.0,
+            fuse: true,
             inertial: None,
             joints: Vec::new(),
             geoms: Vec::new(),

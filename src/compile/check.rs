@@ -12,7 +12,7 @@ use crate::suggest::did_you_mean;
 use crate::unbuilt::unbuilt;
 
 /// One element under examination.
-struct Element<'a> {
+pub(super) struct Element<'a> {
     label: String,
     source: &'a Source,
     diagnostics: &'a mut Diagnostics,

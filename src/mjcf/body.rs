@@ -13,6 +13,8 @@ use super::report::Report;
 use super::tree::{Element, Tree};
 use crate::spec::{Body, Compiler, Exclude, Inertia, Inertial, JointKind, Pair};
 
+/// Words of `body/fuse`.
+const FUSE: &[(&str, bool)] = &[("auto", true), ("false", false)];
 /// Most elements of a model once replicas are made.
 const MOST_ELEMENTS: usize = 1_000_000;
 
@@ -170,6 +172,7 @@ impl Builder<'_> {
         };
         reader.boolean("mocap", &mut body.mocap);
         reader.real("gravcomp", &mut body.gravcomp);
+        reader.keyword("fuse", FUSE, &mut body.fuse);
         self.bodies.push(body);
         let held = Held::of(self.tree, index, scope.held);
         let inner = Scope { body: self.bodies.len() - 1, frame: Pose::IDENTITY, class, replicated: false, held };

@@ -213,6 +213,26 @@ fn names(lists: &'static [&'static str]) -> impl Iterator<Item = &'static str> +
     lists.iter().flat_map(|list| list.split_ascii_whitespace())
 }
 
+/// Every attribute that is accepted, with the path of its element; of elements that nest in themselves, the outermost.
+#[cfg(test)]
+pub(super) fn attributes() -> Vec<(Vec<&'static str>, &'static str)> {
+    let mut out = Vec::new();
+    let mut seen: Vec<*const Rule> = Vec::new();
+    let mut open = vec![(vec![MUJOCO.tag], &MUJOCO)];
+    // Breadth first, so that paths are short.
+    while !open.is_empty() {
+        let (path, rule) = open.remove(0);
+        if seen.contains(&std::ptr::from_ref(rule)) {
+            continue;
+        }
+        seen.push(rule);
+        out.extend(names(rule.attributes).map(|name| (path.clone(), name)));
+        let inner = rule.children.iter().filter(|child| !child.opaque);
+        open.extend(inner.map(|child| ([&path[..], &[child.tag]].concat(), *child)));
+    }
+    out
+}
+
 /// Reports every element and attribute that the table does not know.
 pub(super) fn check(tree: &Tree, report: &mut Report) {
     if tree[0].tag != MUJOCO.tag {

@@ -62,6 +62,7 @@ impl Tree {
             let remedy = match error {
                 roxmltree::Error::DtdDetected => "remove the document type declaration".to_string(),
                 roxmltree::Error::NodesLimitReached => format!("write at most {MOST_NODES} elements and texts"),
+                roxmltree::Error::DuplicatedAttribute(..) => "keep one of them".to_string(),
                 _ => "every tag must be closed, every value be in quotes".to_string(),
             };
             file_problem(&source(error.pos().row), format!("not well-formed XML: {error}"), remedy)

@@ -103,8 +103,11 @@ fn refused_options() {
     refuses(|s| s.option.timestep = f64::NAN, "timestep is NaN");
     refuses(|s| s.option.gravity[1] = f64::NAN, "gravity is not finite");
     refuses(|s| s.option.density = 1.2, "density 1.2: fluid forces are not supported");
-    refuses(|s| s.option.flags.diagexact = true, "the flag diagexact is not supported yet");
-    refuses(|s| s.option.flags.sleep = true, "the flag sleep is not supported yet");
+    refuses(
+        |s| s.option.flags.diagexact = true,
+        "diagexact: the exact diagonal of the constraint space is not supported",
+    );
+    refuses(|s| s.option.flags.sleep = true, "sleep: sleeping trees are not supported");
     refuses(|s| s.option.viscosity = 1e-5, "viscosity");
     refuses(|s| s.option.impratio = 0.0, "impratio is 0");
     refuses(|s| s.compiler.boundmass = -1.0, "boundmass is negative");
@@ -138,4 +141,32 @@ fn every_problem_is_named() {
     let text: Vec<String> = list.iter().map(ToString::to_string).collect();
     assert!(text.len() >= 4, "{text:?}");
     assert!(text.contains(&"arm.xml:7: body \"a\": gravcomp is not finite (give finite numbers)".to_string()));
+}
+
+/// Constants that overflow, in double precision or rounded to single, have a place.
+#[test]
+fn numbers_that_overflow() {
+    let problem = |text: &str| {
+        Model::from_xml_string(text, &crate::mjcf::LoadOptions::default()).expect_err("overflows").to_string()
+    };
+    let world = |body: &str| format!("<mujoco><worldbody>\n<body name='a'>{body}</body></worldbody></mujoco>");
+    let far = "<joint axis='1 0 0'/><geom pos='1e155 -.187 0' size='.15' mass='1'/>";
+    assert!(problem(&world(far)).starts_with("2: body \"a\": "), "{}", problem(&world(far)));
+    // m r² = 1e40 is finite in double precision only.
+    let single = problem(&world("<joint name='j' axis='0 1 0'/><geom pos='1e20 0 0' size='.15' mass='1'/>"));
+    assert!(single.contains("2: joint \"j\": inertia leaves the range of numbers"), "{single}");
+    let heavy = problem(&world("<freejoint/><geom size='.1' mass='1e300'/>"));
+    assert!(heavy.contains("2: body \"a\": mass leaves the range of numbers (of single precision, too)"), "{heavy}");
+    let armed = problem(&world("<joint name='j' armature='1e39'/><geom size='.1'/>"));
+    assert!(armed.contains("2: joint \"j\": armature leaves the range of numbers"), "{armed}");
+    let gear = "<actuator>\n<motor joint='j' gear='1e60'/></actuator>";
+    let text = format!(
+        "<mujoco><worldbody><body><joint name='j'/><geom size='.1' pos='1 0 0'/></body></worldbody>{gear}</mujoco>"
+    );
+    assert!(problem(&text).contains("2: actuator #0: gear leaves the range of numbers"), "{}", problem(&text));
+    let gravity = "<mujoco>\n<option gravity='0 0 -1e39'/></mujoco>";
+    assert!(problem(gravity).contains("2: option: gravity leaves the range of numbers"), "{}", problem(gravity));
+    // Large, but in range.
+    let large = world("<freejoint/><geom size='.1' mass='1e30'/>");
+    assert!(Model::from_xml_string(&large, &crate::mjcf::LoadOptions::default()).is_ok());
 }
