@@ -26,6 +26,7 @@ pub mod status;
 mod store;
 mod subset;
 pub mod suggest;
+mod unbuilt;
 pub mod worlds;
 
 pub use compile::compile;

@@ -281,8 +281,8 @@ impl Model {
         &self.0.keys
     }
 
-    /// A model array by MuJoCo's name, such as `body_mass`; options too, such as `timestep`. `gravity` is zero when its
-    /// flag is off.
+    /// A model array by MuJoCo's name, such as `body_mass`; options too, such as `timestep`. They are as the model says,
+    /// whatever flags are off.
     pub fn array(&self, name: &str) -> Option<&Array> {
         self.0.arrays.get(name)
     }
@@ -309,19 +309,24 @@ impl Model {
         }
     }
 
-    /// Range of an actuator's control for noise: its control range if it is limited, else [-1, 1].
+    /// Range of an actuator's control for noise: its control range if it is limited, else [-1, 1]; two units from its
+    /// other end where one end is infinite.
     pub fn control_range(&self, actuator: usize) -> [f64; 2] {
+        const INFINITE: f64 = f32::MAX as f64;
         let actuator = &self.tables().actuators[actuator];
-        if actuator.ctrl_limited { actuator.ctrl_range } else { [-1.0, 1.0] }
+        match actuator.ctrl_range {
+            _ if !actuator.ctrl_limited => [-1.0, 1.0],
+            [lo, hi] if lo <= -INFINITE => [hi - 2.0, hi],
+            [lo, hi] if hi >= INFINITE => [lo, lo + 2.0],
+            range => range,
+        }
     }
 
     /// Whether the model can be stepped, or what is missing for it.
     pub fn check_step(&self) -> Result<(), Error> {
         let integrator = self.tables().options.integrator;
         if integrator != Integrator::Euler {
-            return Err(Error::Unsupported(format!(
-                "integrator {integrator:?} is not built yet (set option integrator=Euler)"
-            )));
+            return Err(Error::Unsupported(format!("integrator {integrator} is not supported (set integrator=Euler)")));
         }
         Ok(())
     }

@@ -5,6 +5,7 @@
 //! kept in the order in which they were written. `compile` turns a `Spec` into a [`Model`](crate::Model) and is the only
 //! place that rejects one.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use lanesim_kernels::options::Options;
@@ -21,13 +22,22 @@ pub struct Source {
 /// `true`, `false` or decided by what else is given (MJCF `auto`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tri {
-    /// Decided by whether the range is given.
+    /// Decided by whether a range is given whose lower end is below its upper one.
     #[default]
     Auto,
     /// Off.
     False,
     /// On.
     True,
+}
+
+/// Whether a range is in force: if the flag says so or, without a flag, if it has a lower end below its upper one.
+pub(crate) fn is_limited(range: Option<[f64; 2]>, flag: Tri) -> bool {
+    match flag {
+        Tri::True => true,
+        Tri::False => false,
+        Tri::Auto => range.is_some_and(|[lo, hi]| lo < hi),
+    }
 }
 
 /// What a whole model says: the input of the compiler.
@@ -49,6 +59,8 @@ pub struct Spec {
     pub actuators: Vec<Actuator>,
     /// Keyframes.
     pub keys: Vec<Key>,
+    /// Where options and compiler settings were written, by element and attribute: `option timestep`, `flag sleep`.
+    pub written: BTreeMap<String, Source>,
     /// What a lenient load left out, one sentence each; empty otherwise.
     pub losses: Vec<String>,
     /// Notes to the user: things that were dropped without effect on the physics, deprecated spellings.
@@ -63,6 +75,11 @@ impl Spec {
             bodies: vec![Body { name: "world".into(), ..Body::default() }],
             ..Spec::default()
         }
+    }
+
+    /// Where an attribute of `option`, `flag` or `compiler` was written; nowhere if it was not.
+    pub(crate) fn place(&self, element: &str, attribute: &str) -> Source {
+        self.written.get(&format!("{element} {attribute}")).cloned().unwrap_or_default()
     }
 
     /// Adds a body to the body of index `parent` and returns its own index. The parent named in `body` does not count.
@@ -141,6 +158,8 @@ pub struct Body {
     pub mocap: bool,
     /// Fraction of the body's weight that is compensated.
     pub gravcomp: f64,
+    /// Whether [`Compiler::fusestatic`] may merge it into its parent.
+    pub fuse: bool,
     /// Explicit mass and inertia.
     pub inertial: Option<Inertial>,
     /// Joints, in order.
@@ -162,6 +181,7 @@ impl Default for Body {
             quat: [1.0, 0.0, 0.0, 0.0],
             mocap: false,
             gravcomp: 0.0,
+            fuse: true,
             inertial: None,
             joints: Vec::new(),
             geoms: Vec::new(),
@@ -219,7 +239,7 @@ pub struct Joint {
     pub pos: [f64; 3],
     /// Axis in the body frame, any positive length; slides and hinges.
     pub axis: [f64; 3],
-    /// Limits, rad or m; `None`: not given. Ball: (0, largest angle).
+    /// Limits, rad or m, infinite where there is none; `None`: not given. Ball: (0, largest angle).
     pub range: Option<[f64; 2]>,
     /// Whether the range is in force.
     pub limited: Tri,
@@ -573,24 +593,25 @@ impl Default for Actuator {
     }
 }
 
-/// A saved state (MJCF `keyframe/key`); `None`: the default value.
+/// A saved state (MJCF `keyframe/key`). What is missing, or short, is filled from the reference configuration, or with
+/// zeros.
 #[derive(Clone, Debug, Default)]
 pub struct Key {
     /// Name, or empty.
     pub name: String,
     /// Time, s.
     pub time: f64,
-    /// Positions, length `nq`.
+    /// Positions, at most `nq`.
     pub qpos: Option<Vec<f64>>,
-    /// Velocities, length `nv`.
+    /// Velocities, at most `nv`.
     pub qvel: Option<Vec<f64>>,
-    /// Activations, length `na`.
+    /// Activations, at most `na`.
     pub act: Option<Vec<f64>>,
-    /// Controls, length `nu`.
+    /// Controls, at most `nu`.
     pub ctrl: Option<Vec<f64>>,
-    /// Mocap positions, length `3 nmocap`.
+    /// Mocap positions, at most `3 nmocap`.
     pub mpos: Option<Vec<f64>>,
-    /// Mocap orientations, length `4 nmocap`.
+    /// Mocap orientations, at most `4 nmocap`.
     pub mquat: Option<Vec<f64>>,
     /// Where it was written.
     pub source: Source,

@@ -15,6 +15,19 @@ pub enum Integrator {
     Discrete,
 }
 
+impl std::fmt::Display for Integrator {
+    /// The name in MJCF.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Integrator::Euler => "Euler",
+            Integrator::Rk4 => "RK4",
+            Integrator::Implicit => "implicit",
+            Integrator::ImplicitFast => "implicitfast",
+            Integrator::Discrete => "discrete",
+        })
+    }
+}
+
 /// Friction cone (MJCF `option/cone`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cone {
@@ -65,6 +78,8 @@ pub struct Flags {
     pub invdiscrete: bool,
     pub sleep: bool,
     pub diagexact: bool,
+    pub ipc: bool,
+    pub speculative: bool,
 }
 
 impl Default for Flags {
@@ -96,6 +111,8 @@ impl Default for Flags {
             invdiscrete: false,
             sleep: false,
             diagexact: false,
+            ipc: false,
+            speculative: false,
         }
     }
 }

@@ -3,11 +3,11 @@
 use glam::DVec3;
 use lanesim_kernels::model::{Actuator, Joint, JointKind, Span, Transmission};
 
-use super::check::is_limited;
+use super::bounds;
 use super::derived::Derived;
 use super::order::Scene;
 use crate::model::Names;
-use crate::spec::{self, Bias, Gain, Spec};
+use crate::spec::{self, Bias, Gain, Spec, is_limited};
 
 /// Armature and damping that actuators add to every dof of a joint.
 #[derive(Clone, Copy, Debug, Default)]
@@ -43,6 +43,8 @@ pub(crate) struct Actuators {
     pub table: Vec<Actuator<f64>>,
     /// Sum of the degrees of freedom of their joints.
     pub nmoment: usize,
+    /// Control ranges, infinite ones as they are.
+    pub ctrl_ranges: Vec<[f64; 2]>,
     pub acc0: Vec<f64>,
     pub length0: Vec<f64>,
 }
@@ -55,15 +57,19 @@ pub(crate) fn actuators(
     joints: &[Joint<f64>],
     derived: &Derived,
 ) -> Actuators {
-    let mut out = Actuators { table: Vec::new(), nmoment: 0, acc0: Vec::new(), length0: Vec::new() };
+    let mut out =
+        Actuators { table: Vec::new(), nmoment: 0, ctrl_ranges: Vec::new(), acc0: Vec::new(), length0: Vec::new() };
     let mut moment = vec![0.0; scene.nv];
     for (actuator, &target) in spec.actuators.iter().zip(targets) {
         let joint = &joints[target];
         let mut compiled = actuator_table(spec, actuator, target, joint);
         if let (Some([lo, hi]), true) = (scene.joints[target].spec.range, actuator.inheritrange > 0.0) {
             let (mean, half) = (0.5 * (lo + hi), 0.5 * (hi - lo) * actuator.inheritrange);
-            compiled.ctrl_range = [mean - half, mean + half];
-            compiled.ctrl_limited = true;
+            let range = [mean - half, mean + half];
+            out.ctrl_ranges.push(range);
+            set_ctrl_range(&mut compiled, range, actuator.ctrllimited);
+        } else {
+            out.ctrl_ranges.push(actuator.ctrlrange.unwrap_or_default());
         }
         let row = moment_row(&compiled, joint, derived);
         compiled.moments = Span { start: out.nmoment as u32, len: row.len() as u32 };
@@ -106,7 +112,8 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: usize, joint: &Joint<
         Bias::Affine => a.biasprm,
     };
     let groups = spec.option.actuatorgroupdisable;
-    Actuator {
+    let force_range = a.forcerange.unwrap_or_default();
+    let mut compiled = Actuator {
         transmission,
         joint: target as u32,
         qpos: joint.qpos,
@@ -114,15 +121,23 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: usize, joint: &Joint<
         moments: Span::default(),
         gain_affine: gain[1..] != [0.0; 2],
         bias_affine: bias != [0.0; 3],
-        ctrl_limited: is_limited(a.ctrlrange, a.ctrllimited),
-        force_limited: is_limited(a.forcerange, a.forcelimited),
+        ctrl_limited: false,
+        force_limited: is_limited(a.forcerange, a.forcelimited) && !bounds::are_none(force_range),
         disabled: u32::try_from(a.group).ok().and_then(|g| groups.checked_shr(g)).is_some_and(|g| g & 1 == 1),
         gear: a.gear,
         gain,
         bias,
-        ctrl_range: a.ctrlrange.unwrap_or_default(),
-        force_range: a.forcerange.unwrap_or_default(),
-    }
+        ctrl_range: [0.0; 2],
+        force_range: bounds::of_clamp(force_range),
+    };
+    set_ctrl_range(&mut compiled, a.ctrlrange.unwrap_or_default(), a.ctrllimited);
+    compiled
+}
+
+/// Gives an actuator a control range, which is in force if the flag says so.
+fn set_ctrl_range(compiled: &mut Actuator<f64>, range: [f64; 2], flag: spec::Tri) {
+    compiled.ctrl_range = bounds::of_clamp(range);
+    compiled.ctrl_limited = is_limited(Some(range), flag) && !bounds::are_none(range);
 }
 
 /// Derivative of an actuator's length by the dofs of its joint, in the reference configuration.

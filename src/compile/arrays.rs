@@ -6,14 +6,13 @@ use lanesim_kernels::model::NONE;
 use lanesim_kernels::options::{Cone, Integrator, Options, Solver};
 
 use super::actuators::Actuators;
-use super::check::is_limited;
 use super::derived::Derived;
 use super::joints;
 use super::links::Links;
 use super::order::Scene;
 use super::pairs;
 use crate::model::{Array, ArrayData, Key, Names};
-use crate::spec::{Bias, Gain, JointKind, Shape, Spec, Transmission};
+use crate::spec::{Bias, Gain, JointKind, Shape, Spec, Transmission, is_limited};
 
 /// What the arrays show.
 pub(crate) struct Sources<'a> {
@@ -60,7 +59,7 @@ pub(crate) fn arrays(s: &Sources) -> BTreeMap<&'static str, Array> {
     contacts(s, &mut out);
     actuators(s, &mut out);
     keys(s, &mut out);
-    options(&s.spec.option, s.tables.gravity, &mut out);
+    options(&s.spec.option, &mut out);
     out.0
 }
 
@@ -121,7 +120,9 @@ fn joint_arrays(s: &Sources, out: &mut Arrays) {
     out.ints("jnt_group", 0, joints.iter().map(|j| j.spec.group));
     let limited = |j: &super::order::Joint| j.spec.kind != JointKind::Free && is_limited(j.spec.range, j.spec.limited);
     out.ints("jnt_limited", 0, joints.iter().map(|j| i32::from(limited(j))));
-    out.ints("jnt_actfrclimited", 0, table.iter().map(|j| i32::from(j.force_limited)));
+    let scalar = |j: &super::order::Joint| matches!(j.spec.kind, JointKind::Hinge | JointKind::Slide);
+    let bounded = |j: &super::order::Joint| scalar(j) && is_limited(j.spec.actuatorfrcrange, j.spec.actuatorfrclimited);
+    out.ints("jnt_actfrclimited", 0, joints.iter().map(|j| i32::from(bounded(j))));
     out.ints("jnt_actgravcomp", 0, joints.iter().map(|j| i32::from(j.spec.actuatorgravcomp)));
     out.reals("jnt_pos", 3, table.iter().flat_map(|j| j.pos));
     out.reals("jnt_axis", 3, table.iter().flat_map(|j| j.axis));
@@ -257,16 +258,18 @@ fn actuators(s: &Sources, out: &mut Arrays) {
     out.ints("actuator_actadr", 0, written.iter().map(|_| -1));
     out.ints("actuator_actnum", 0, written.iter().map(|_| 0));
     out.ints("actuator_group", 0, written.iter().map(|a| a.group));
-    out.ints("actuator_ctrllimited", 0, table.iter().map(|a| i32::from(a.ctrl_limited)));
-    out.ints("actuator_forcelimited", 0, table.iter().map(|a| i32::from(a.force_limited)));
+    let ranges = &s.actuators.ctrl_ranges;
+    let limited = written.iter().zip(ranges).map(|(a, &range)| is_limited(Some(range), a.ctrllimited));
+    out.ints("actuator_ctrllimited", 0, limited.map(i32::from));
+    out.ints("actuator_forcelimited", 0, written.iter().map(|a| i32::from(is_limited(a.forcerange, a.forcelimited))));
     let ten = |x: [f64; 3]| [x[0], x[1], x[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     out.reals("actuator_gainprm", 10, written.iter().flat_map(|a| ten(a.gainprm)));
     let bias = |(a, t): (&crate::spec::Actuator, &lanesim_kernels::model::Actuator<f64>)| {
         ten(if a.bias == Bias::Affine { t.bias } else { a.biasprm })
     };
     out.reals("actuator_biasprm", 10, written.iter().zip(table).flat_map(bias));
-    out.reals("actuator_ctrlrange", 2, table.iter().flat_map(|a| a.ctrl_range));
-    out.reals("actuator_forcerange", 2, table.iter().flat_map(|a| a.force_range));
+    out.reals("actuator_ctrlrange", 2, ranges.iter().flatten().copied());
+    out.reals("actuator_forcerange", 2, written.iter().flat_map(|a| a.forcerange.unwrap_or_default()));
     out.reals("actuator_gear", 6, table.iter().flat_map(|a| a.gear));
     out.reals("actuator_armature", 0, written.iter().map(|a| a.armature));
     out.reals("actuator_damping", 0, written.iter().map(|a| a.damping[0]));
@@ -294,7 +297,7 @@ fn keys(s: &Sources, out: &mut Arrays) {
     }
 }
 
-fn options(o: &Options, gravity: [f64; 3], out: &mut Arrays) {
+fn options(o: &Options, out: &mut Arrays) {
     let scalars = [
         ("timestep", o.timestep),
         ("density", o.density),
@@ -309,7 +312,7 @@ fn options(o: &Options, gravity: [f64; 3], out: &mut Arrays) {
     for (name, x) in scalars {
         out.0.insert(name, Array { shape: Vec::new(), data: ArrayData::F64(vec![x]) });
     }
-    out.reals("gravity", 0, gravity.into_iter());
+    out.reals("gravity", 0, o.gravity.into_iter());
     out.reals("wind", 0, o.wind.into_iter());
     out.reals("magnetic", 0, o.magnetic.into_iter());
     out.reals("o_solref", 0, o.o_solref.into_iter());

@@ -5,13 +5,14 @@ use std::collections::HashSet;
 use super::names::{self, label};
 use crate::diagnostics::Diagnostics;
 use crate::spec::{
-    Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Options, Pair, Shape, Source, Spec, Transmission,
-    Tri,
+    Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Pair, Shape, Source, Spec, Transmission, Tri,
+    is_limited,
 };
 use crate::suggest::did_you_mean;
+use crate::unbuilt::unbuilt;
 
 /// One element under examination.
-struct Element<'a> {
+pub(super) struct Element<'a> {
     label: String,
     source: &'a Source,
     diagnostics: &'a mut Diagnostics,
@@ -76,37 +77,28 @@ impl Element<'_> {
         }
     }
 
-    /// Whether a range is in force; refuses ranges that cannot be. `0 0` counts as not given.
+    /// Whether a range is in force; refuses what cannot be. `0 0` counts as not given.
     fn range(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) -> bool {
-        let given = range.filter(|r| *r != [0.0, 0.0]);
-        if let Some(range) = &given
-            && !self.finite(attribute, range)
-        {
+        if range.is_some_and(|range| range.iter().any(|x| x.is_nan())) {
+            self.refuse(format!("{attribute} is not a number"), "give numbers, or inf for no bound");
             return false;
         }
-        if flag == Tri::Auto && given.is_some() && !autolimits {
+        if flag == Tri::Auto && range.is_some_and(|range| range != [0.0, 0.0]) && !autolimits {
             self.refuse(
                 format!("{attribute} without {limited}, and autolimits is off"),
                 format!("set {limited}, or autolimits=\"true\""),
             );
             return false;
         }
-        let on = is_limited(range, flag);
-        if on && given.is_none_or(|[lo, hi]| lo >= hi) {
-            let [lo, hi] = range.unwrap_or_default();
-            self.refuse(format!("{attribute} is empty: {lo} {hi}"), format!("give {attribute} as lower upper"));
-            return false;
-        }
-        on
+        is_limited(range, flag)
     }
-}
 
-/// Whether a range is in force: if the flag says so, or says nothing and there is a range other than `0 0`.
-pub(crate) fn is_limited(range: Option<[f64; 2]>, flag: Tri) -> bool {
-    match flag {
-        Tri::True => true,
-        Tri::False => false,
-        Tri::Auto => range.is_some_and(|r| r != [0.0, 0.0]),
+    /// As [`range`](Self::range); a range in force must not be empty.
+    fn bounds(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) {
+        let [lo, hi] = range.unwrap_or_default();
+        if self.range(attribute, limited, range, flag, autolimits) && lo >= hi {
+            self.refuse(format!("{attribute} is empty: {lo} {hi}"), format!("give {attribute} as lower upper"));
+        }
     }
 }
 
@@ -114,7 +106,7 @@ pub(crate) fn is_limited(range: Option<[f64; 2]>, flag: Tri) -> bool {
 pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
     let tree = check_tree(spec, diagnostics);
     names::check_unique(spec, diagnostics);
-    check_options(&spec.option, diagnostics);
+    check_options(spec, diagnostics);
     check_compiler(spec, diagnostics);
     let moving = if tree { moving(spec) } else { vec![false; spec.bodies.len()] };
     let (mut joint, mut geom, mut site) = (0, 0, 0);
@@ -171,45 +163,61 @@ fn moving(spec: &Spec) -> Vec<bool> {
     moving
 }
 
-fn check_options(o: &Options, diagnostics: &mut Diagnostics) {
-    let source = Source::default();
-    let mut option = Element { label: "option".into(), source: &source, diagnostics };
-    if !(o.timestep > 0.0 && o.timestep.is_finite()) {
-        option.refuse(format!("timestep is {}", o.timestep), "give a positive time step");
+/// A setting under examination, with the place where it was written.
+fn setting(
+    spec: &Spec,
+    element: &str,
+    attribute: &str,
+    diagnostics: &mut Diagnostics,
+    check: impl FnOnce(&mut Element),
+) {
+    let source = spec.place(element, attribute);
+    check(&mut Element { label: element.into(), source: &source, diagnostics });
+}
+
+fn check_options(spec: &Spec, diagnostics: &mut Diagnostics) {
+    let o = &spec.option;
+    for unbuilt in unbuilt(o) {
+        setting(spec, unbuilt.element, unbuilt.attribute, diagnostics, |e| {
+            e.refuse(format!("{} not supported", unbuilt.what), unbuilt.remedy);
+        });
     }
-    option.finite("gravity", &o.gravity);
-    option.finite("wind", &o.wind);
-    option.finite("magnetic", &o.magnetic);
-    for (name, x) in [("density", o.density), ("viscosity", o.viscosity)] {
-        if option.finite(name, &[x]) && x != 0.0 {
-            option.refuse(format!("{name} {x}: fluid forces are not supported yet"), format!("remove {name}"));
-        }
+    let mut check = |attribute: &str, check: &dyn Fn(&mut Element)| {
+        setting(spec, "option", attribute, diagnostics, |element| check(element));
+    };
+    for (name, x, what) in [("timestep", o.timestep, "time step"), ("impratio", o.impratio, "number")] {
+        check(name, &|e| {
+            if !(x > 0.0 && x.is_finite()) {
+                e.refuse(format!("{name} is {x}"), format!("give a positive {what}"));
+            }
+        });
     }
-    for (name, on) in [("diagexact", o.flags.diagexact), ("sleep", o.flags.sleep)] {
-        if on {
-            option.refuse(format!("the flag {name} is not supported yet"), format!("remove {name}"));
-        }
+    for (name, vector) in [("gravity", &o.gravity), ("wind", &o.wind), ("magnetic", &o.magnetic)] {
+        check(name, &|e| _ = e.finite(name, vector));
     }
-    if !(o.impratio > 0.0 && o.impratio.is_finite()) {
-        option.refuse(format!("impratio is {}", o.impratio), "give a positive number");
+    for (name, x) in [("density", o.density), ("viscosity", o.viscosity), ("o_margin", o.o_margin)] {
+        check(name, &|e| _ = e.finite(name, &[x]));
     }
-    option.not_negative("tolerance", &[o.tolerance]);
-    option.not_negative("ls_tolerance", &[o.ls_tolerance]);
-    option.not_negative("noslip_tolerance", &[o.noslip_tolerance]);
-    option.not_negative("ccd_tolerance", &[o.ccd_tolerance]);
-    option.finite("o_margin", &[o.o_margin]);
-    option.solref("o_solref", &o.o_solref);
-    option.finite("o_solimp", &o.o_solimp);
-    option.not_negative("o_friction", &o.o_friction);
+    let tolerances = [
+        ("tolerance", o.tolerance),
+        ("ls_tolerance", o.ls_tolerance),
+        ("noslip_tolerance", o.noslip_tolerance),
+        ("ccd_tolerance", o.ccd_tolerance),
+    ];
+    for (name, x) in tolerances {
+        check(name, &|e| e.not_negative(name, &[x]));
+    }
+    check("o_solref", &|e| e.solref("o_solref", &o.o_solref));
+    check("o_solimp", &|e| _ = e.finite("o_solimp", &o.o_solimp));
+    check("o_friction", &|e| e.not_negative("o_friction", &o.o_friction));
 }
 
 fn check_compiler(spec: &Spec, diagnostics: &mut Diagnostics) {
     let c = &spec.compiler;
-    let source = Source::default();
-    let mut compiler = Element { label: "compiler".into(), source: &source, diagnostics };
-    compiler.not_negative("boundmass", &[c.boundmass]);
-    compiler.not_negative("boundinertia", &[c.boundinertia]);
-    compiler.finite("settotalmass", &[c.settotalmass]);
+    for (name, x) in [("boundmass", c.boundmass), ("boundinertia", c.boundinertia)] {
+        setting(spec, "compiler", name, diagnostics, |e| e.not_negative(name, &[x]));
+    }
+    setting(spec, "compiler", "settotalmass", diagnostics, |e| _ = e.finite("settotalmass", &[c.settotalmass]));
 }
 
 fn check_body(spec: &Spec, index: usize, body: &Body, diagnostics: &mut Diagnostics) {
@@ -296,16 +304,16 @@ fn check_joint(joint: &Joint, index: usize, autolimits: bool, diagnostics: &mut 
     element.solref("solreffriction", &joint.solreffriction);
     element.finite("solimplimit", &joint.solimplimit);
     element.finite("solimpfriction", &joint.solimpfriction);
-    if joint.kind != JointKind::Free {
+    if scalar {
+        element.bounds("range", "limited", joint.range, joint.limited, autolimits);
+        let (range, flag) = (joint.actuatorfrcrange, joint.actuatorfrclimited);
+        element.bounds("actuatorfrcrange", "actuatorfrclimited", range, flag, autolimits);
+    } else if joint.kind == JointKind::Ball {
         let on = element.range("range", "limited", joint.range, joint.limited, autolimits);
         let lower = joint.range.map_or(0.0, |r| r[0]);
-        if on && joint.kind == JointKind::Ball && lower != 0.0 {
+        if on && lower != 0.0 {
             element.refuse(format!("the range of a ball joint starts at {lower}"), "give 0 and the largest angle");
         }
-    }
-    if scalar {
-        let (range, flag) = (joint.actuatorfrcrange, joint.actuatorfrclimited);
-        element.range("actuatorfrcrange", "actuatorfrclimited", range, flag, autolimits);
     }
 }
 
@@ -416,7 +424,7 @@ fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element
     element.not_negative("armature", &[a.armature]);
     element.finite("damping", &a.damping);
     element.not_negative("damping", &a.damping[..1]);
-    element.not_negative("inheritrange", &[a.inheritrange]);
+    element.finite("inheritrange", &[a.inheritrange]);
     if a.inheritrange > 0.0 {
         if a.ctrlrange.is_some() {
             element.refuse("has both ctrlrange and inheritrange", "keep one of them");
@@ -424,35 +432,29 @@ fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element
         if let Some(joint) = joint {
             if !matches!(joint.kind, JointKind::Hinge | JointKind::Slide) {
                 element.refuse("inheritrange needs a hinge or slide joint", "give ctrlrange");
-            } else if joint.range.is_none_or(|[lo, hi]| lo >= hi) {
+            } else if joint.range.is_none_or(|[lo, hi]| lo == hi) {
                 let message = format!("inheritrange, but joint \"{}\" has no range", joint.name);
                 element.refuse(message, "give the joint a range");
             }
         }
     } else {
-        element.range("ctrlrange", "ctrllimited", a.ctrlrange, a.ctrllimited, autolimits);
+        element.bounds("ctrlrange", "ctrllimited", a.ctrlrange, a.ctrllimited, autolimits);
     }
-    element.range("forcerange", "forcelimited", a.forcerange, a.forcelimited, autolimits);
+    element.bounds("forcerange", "forcelimited", a.forcerange, a.forcelimited, autolimits);
 }
 
 fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
-    let kinds: Vec<JointKind> = joint_kinds(spec);
-    let nq: usize = kinds.iter().map(|&k| qpos_count(k)).sum();
-    let nv: usize = kinds.iter().map(|&k| dof_count(k)).sum();
+    let kinds = || spec.bodies.iter().flat_map(|body| &body.joints).map(|joint| joint.kind);
+    let (nq, nv) = (kinds().map(qpos_count).sum(), kinds().map(dof_count).sum());
     let nmocap = spec.bodies.iter().filter(|b| b.mocap).count();
     for (i, key) in spec.keys.iter().enumerate() {
         let label = label("key", &key.name, i);
         let mut element = Element { label, source: &key.source, diagnostics };
-        check_key(key, [nq, nv, spec.actuators.len(), nmocap], &kinds, &mut element);
+        check_key(key, [nq, nv, spec.actuators.len(), nmocap], &mut element);
     }
 }
 
-/// Kinds of all joints, in the order of their positions in `qpos`.
-fn joint_kinds(spec: &Spec) -> Vec<JointKind> {
-    super::order::preorder(spec).into_iter().flat_map(|b| spec.bodies[b].joints.iter().map(|j| j.kind)).collect()
-}
-
-fn check_key(key: &Key, [nq, nv, nu, nmocap]: [usize; 4], kinds: &[JointKind], element: &mut Element) {
+fn check_key(key: &Key, [nq, nv, nu, nmocap]: [usize; 4], element: &mut Element) {
     element.finite("time", &[key.time]);
     let fields = [
         ("qpos", &key.qpos, nq),
@@ -462,31 +464,12 @@ fn check_key(key: &Key, [nq, nv, nu, nmocap]: [usize; 4], kinds: &[JointKind], e
         ("mpos", &key.mpos, 3 * nmocap),
         ("mquat", &key.mquat, 4 * nmocap),
     ];
-    let mut sound = true;
     for (name, values, n) in fields {
         let Some(values) = values else { continue };
-        if values.len() != n {
-            let message = format!("{name} has {} numbers, the model needs {n}", values.len());
-            element.refuse(message, format!("give {n} numbers"));
-            sound = false;
+        if values.len() > n {
+            let message = format!("{name} has {} numbers, the model has {n}", values.len());
+            element.refuse(message, format!("give at most {n} numbers; those that are missing are filled in"));
         }
-        sound &= element.finite(name, values);
-    }
-    if !sound {
-        return;
-    }
-    if let Some(qpos) = &key.qpos {
-        let mut at = 0;
-        for &kind in kinds {
-            match kind {
-                JointKind::Free => element.quat("qpos", &qpos[at + 3..at + 7]),
-                JointKind::Ball => element.quat("qpos", &qpos[at..at + 4]),
-                _ => {}
-            }
-            at += qpos_count(kind);
-        }
-    }
-    for quat in key.mquat.iter().flat_map(|m| m.chunks_exact(4)) {
-        element.quat("mquat", quat);
+        element.finite(name, values);
     }
 }

@@ -3,8 +3,10 @@
 use lanesim_kernels::model::{FrictionLoss, Impedance, Limit};
 use lanesim_kernels::options::Options;
 
-use super::check::{dof_count, is_limited};
+use super::bounds;
+use super::check::dof_count;
 use super::order::Scene;
+use crate::spec::is_limited;
 
 const MINVAL: f64 = 1e-15;
 const MINIMP: f64 = 1e-4;
@@ -58,7 +60,8 @@ pub(crate) fn limits(options: &Options, scene: &Scene, dof_invweight0: &[f64]) -
     let limited = |(index, j): (usize, &super::order::Joint)| {
         let spec = j.spec;
         let kind = spec.kind;
-        if kind == crate::spec::JointKind::Free || !is_limited(spec.range, spec.limited) {
+        let boundless = bounds::are_none(spec.range.unwrap_or_default());
+        if kind == crate::spec::JointKind::Free || !is_limited(spec.range, spec.limited) || boundless {
             return None;
         }
         Some(Limit {
@@ -66,13 +69,19 @@ pub(crate) fn limits(options: &Options, scene: &Scene, dof_invweight0: &[f64]) -
             dof: j.dof as u32,
             qpos: j.qpos as u32,
             ball: kind == crate::spec::JointKind::Ball,
-            range: spec.range.unwrap_or_default(),
+            range: range_of(spec),
             margin: spec.margin,
             impedance: impedance(options, spec.solreflimit, spec.solimplimit),
             invweight: dof_invweight0[j.dof],
         })
     };
     scene.joints.iter().enumerate().filter_map(limited).collect()
+}
+
+/// The range of a limit: of a ball joint, 0 and an angle.
+fn range_of(joint: &crate::spec::Joint) -> [f64; 2] {
+    let [lo, hi] = bounds::of_limit(joint.range.unwrap_or_default());
+    if joint.kind == crate::spec::JointKind::Ball { [0.0, hi.max(0.0)] } else { [lo, hi] }
 }
 
 /// Dry friction in force, in the order of dofs.

@@ -4,11 +4,11 @@ use glam::DVec3;
 use lanesim_kernels::model::{AxisKind, Dof, DofKind, Joint, JointKind, NONE};
 
 use super::actuators::Reflected;
-use super::check::is_limited;
+use super::bounds;
 use super::links::Links;
 use super::order::{self, Scene};
 use super::pose::snap;
-use crate::spec;
+use crate::spec::{self, is_limited};
 
 /// The joints of a scene, without what `springdamper` says.
 pub(crate) fn joints(scene: &Scene, links: &Links) -> Vec<Joint<f64>> {
@@ -37,7 +37,9 @@ fn joint(j: &order::Joint, link: u32, scene: &Scene) -> Joint<f64> {
         JointKind::Ball => qpos_spring[0] = 1.0,
         _ => qpos_spring[0] = spec.springref,
     }
-    let force_limited = scalar && is_limited(spec.actuatorfrcrange, spec.actuatorfrclimited);
+    let force_range = spec.actuatorfrcrange.unwrap_or_default();
+    let limited = is_limited(spec.actuatorfrcrange, spec.actuatorfrclimited);
+    let force_limited = scalar && limited && !bounds::are_none(force_range);
     Joint {
         kind,
         link,
@@ -53,7 +55,7 @@ fn joint(j: &order::Joint, link: u32, scene: &Scene) -> Joint<f64> {
         qpos0: if scalar { spec.reference } else { 0.0 },
         qpos_spring,
         stiffness: spec.stiffness,
-        force_range: spec.actuatorfrcrange.unwrap_or_default(),
+        force_range: bounds::of_clamp(force_range),
     }
 }
 

@@ -6,15 +6,19 @@ use super::pose::{unit_quat, wxyz};
 use crate::model::Key;
 use crate::spec::{JointKind, Spec};
 
-/// The keyframes with every field filled in and every quaternion of length one. Sizes have been checked.
+/// The keyframes with every field filled in and every quaternion of length one. None is longer than the model's.
 pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
-    let qpos0 = joints::qpos0(scene);
     let mocap = || scene.bodies.iter().filter(|b| b.mocap.is_some());
-    let mpos: Vec<f64> = mocap().flat_map(|b| b.pose.pos.to_array()).collect();
-    let mquat: Vec<f64> = mocap().flat_map(|b| b.pose.wxyz()).collect();
-    let zeros = |n: usize| vec![0.0; n];
+    let defaults = Key {
+        qpos: joints::qpos0(scene),
+        qvel: vec![0.0; scene.nv],
+        ctrl: vec![0.0; spec.actuators.len()],
+        mpos: mocap().flat_map(|b| b.pose.pos.to_array()).collect(),
+        mquat: mocap().flat_map(|b| b.pose.wxyz()).collect(),
+        ..Key::default()
+    };
     let complete = |key: &crate::spec::Key| {
-        let mut qpos = key.qpos.clone().unwrap_or_else(|| qpos0.clone());
+        let mut qpos = filled(&key.qpos, &defaults.qpos, 1);
         for joint in &scene.joints {
             match joint.spec.kind {
                 JointKind::Free => normalise(&mut qpos[joint.qpos + 3..joint.qpos + 7]),
@@ -22,20 +26,29 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
                 _ => {}
             }
         }
-        let mut mquat = key.mquat.clone().unwrap_or_else(|| mquat.clone());
+        let mut mquat = filled(&key.mquat, &defaults.mquat, 4);
         mquat.chunks_exact_mut(4).for_each(normalise);
         Key {
             name: key.name.clone(),
             time: key.time,
             qpos,
-            qvel: key.qvel.clone().unwrap_or_else(|| zeros(scene.nv)),
+            qvel: filled(&key.qvel, &defaults.qvel, 1),
             act: key.act.clone().unwrap_or_default(),
-            ctrl: key.ctrl.clone().unwrap_or_else(|| zeros(spec.actuators.len())),
-            mpos: key.mpos.clone().unwrap_or_else(|| mpos.clone()),
+            ctrl: filled(&key.ctrl, &defaults.ctrl, 1),
+            mpos: filled(&key.mpos, &defaults.mpos, 3),
             mquat,
         }
     };
     spec.keys.iter().map(complete).collect()
+}
+
+/// What is given, in whole units, and the defaults from there on.
+fn filled(given: &Option<Vec<f64>>, defaults: &[f64], unit: usize) -> Vec<f64> {
+    let mut out = defaults.to_vec();
+    let given = given.as_deref().unwrap_or_default();
+    let whole = given.len() / unit * unit;
+    out[..whole].copy_from_slice(&given[..whole]);
+    out
 }
 
 fn normalise(quat: &mut [f64]) {

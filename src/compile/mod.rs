@@ -6,9 +6,11 @@
 
 mod actuators;
 mod arrays;
+mod bounds;
 mod check;
 mod constraints;
 mod derived;
+mod finite;
 mod inertia;
 mod joints;
 mod keys;
@@ -123,6 +125,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     if articulated::pays(&tables) {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
     }
+    let mut diagnostics = Diagnostics::default();
+    finite::check(spec, &scene, &tables, &derived, &mut diagnostics);
+    diagnostics.into_result()?;
     let arrays = arrays::arrays(&arrays::Sources {
         spec,
         scene: &scene,

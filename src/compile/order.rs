@@ -157,7 +157,7 @@ fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostic
     mass
 }
 
-/// Merges bodies without joints into their parents, unless they are mocap, named by an exclude, or have mass and a parent that
+/// Merges bodies without joints into their parents, unless they are mocap, say so, are named by an exclude, or have mass and a parent that
 /// differs in gravity compensation.
 fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
     let named: HashSet<&str> = spec.excludes.iter().flat_map(|e| [e.body1.as_str(), e.body2.as_str()]).collect();
@@ -175,7 +175,7 @@ fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
         let body = draft.spec;
         let referenced = !body.name.is_empty() && named.contains(body.name.as_str());
         let lifted = parent != 0 && draft.mass.mass > 0.0 && body.gravcomp != kept[parent].spec.gravcomp;
-        if !body.joints.is_empty() || body.mocap || referenced || lifted {
+        if !body.joints.is_empty() || body.mocap || !body.fuse || referenced || lifted {
             draft.parent = parent;
             draft.pose = pose;
             host.push((kept.len(), Pose::IDENTITY));

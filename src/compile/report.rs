@@ -1,11 +1,10 @@
 //! What the compiler tells the user about a model that it accepts.
 
-use super::check::is_limited;
 use super::constraints::raised;
 use super::links::Links;
 use super::names::label;
 use super::order::Scene;
-use crate::spec::{JointKind, Spec};
+use crate::spec::{JointKind, Spec, Tri, is_limited};
 
 /// Adds notes on what was adjusted, or acts otherwise than it may seem.
 pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>) {
@@ -36,6 +35,7 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
     }
     let pairs = spec.pairs.iter().enumerate();
     slow.extend(pairs.filter(|(_, p)| raised(options, p.solref)).map(|(i, p)| label("pair", &p.name, i)));
+    empty_ranges(spec, scene, notes);
     if !slow.is_empty() {
         let bound = 2.0 * options.timestep;
         notes.push(format!("solref time constants below two time steps act as {bound} (refsafe): {}", listed(&slow)));
@@ -46,6 +46,24 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
     }
     if scene.nmocap > 0 {
         notes.push(format!("{} mocap bodies stand still where the model puts them", scene.nmocap));
+    }
+}
+
+/// Ranges that are given, and bound nothing because their ends do not come in order.
+fn empty_ranges(spec: &Spec, scene: &Scene, notes: &mut Vec<String>) {
+    let mut check = |kind: &str, name: &str, index: usize, attribute: &str, range: Option<[f64; 2]>, flag: Tri| {
+        if let Some([lo, hi]) = range.filter(|range| flag == Tri::Auto && !is_limited(Some(*range), flag)) {
+            notes.push(format!("{}: {attribute} {lo} {hi} is empty: not limited", label(kind, name, index)));
+        }
+    };
+    for (i, joint) in scene.joints.iter().enumerate() {
+        let joint = joint.spec;
+        check("joint", &joint.name, i, "range", joint.range, joint.limited);
+        check("joint", &joint.name, i, "actuatorfrcrange", joint.actuatorfrcrange, joint.actuatorfrclimited);
+    }
+    for (i, actuator) in spec.actuators.iter().enumerate() {
+        check("actuator", &actuator.name, i, "ctrlrange", actuator.ctrlrange, actuator.ctrllimited);
+        check("actuator", &actuator.name, i, "forcerange", actuator.forcerange, actuator.forcelimited);
     }
 }
 

@@ -4,8 +4,10 @@
 //! record; the parameters of a shortcut (kp, kv, ...) only from a record that the same shortcut or `general` wrote.
 
 use super::reader::Reader;
+use super::report::quoted;
 use super::tree::Element;
-use crate::spec::{Actuator, Bias, Gain, Transmission, Tri};
+use crate::spec::{Actuator, Bias, Gain, Transmission, Tri, is_limited};
+use crate::suggest::or_list;
 
 /// The tag of an actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,22 +47,23 @@ enum Law {
     Zero,
     Fixed,
     Affine,
-    Other,
+    /// Its name.
+    Other(&'static str),
 }
 
 const GAINS: &[(&str, Law)] = &[
     ("fixed", Law::Fixed),
     ("affine", Law::Affine),
-    ("muscle", Law::Other),
-    ("dcmotor", Law::Other),
-    ("user", Law::Other),
+    ("muscle", Law::Other("muscle")),
+    ("dcmotor", Law::Other("dcmotor")),
+    ("user", Law::Other("user")),
 ];
 const BIASES: &[(&str, Law)] = &[
     ("none", Law::Zero),
     ("affine", Law::Affine),
-    ("muscle", Law::Other),
-    ("dcmotor", Law::Other),
-    ("user", Law::Other),
+    ("muscle", Law::Other("muscle")),
+    ("dcmotor", Law::Other("dcmotor")),
+    ("user", Law::Other("user")),
 ];
 const DYNAMICS: &[(&str, bool)] = &[
     ("none", false),
@@ -82,13 +85,17 @@ pub(super) struct RawActuator {
     gainprm: [f64; 10],
     /// Of a servo, `biasprm[2]` is minus the velocity gain, or the damping ratio if positive.
     biasprm: [f64; 10],
-    /// Whether it has an activation state.
-    stateful: bool,
+    /// The attribute that gives it an activation state.
+    stateful: Option<&'static str>,
     timeconst: f64,
     inheritrange: f64,
     delay: f64,
-    /// Whether it is of a newer kind that is not supported.
-    newer: bool,
+    /// What it has that is not supported.
+    newer: Option<String>,
+    /// Whether it bounds its activation.
+    actlimited: Tri,
+    actrange: Option<[f64; 2]>,
+    actdim: i32,
 }
 
 impl Default for RawActuator {
@@ -101,11 +108,14 @@ impl Default for RawActuator {
             bias: Law::Zero,
             gainprm,
             biasprm: [0.0; 10],
-            stateful: false,
+            stateful: None,
             timeconst: 0.0,
             inheritrange: 0.0,
             delay: 0.0,
-            newer: false,
+            newer: None,
+            actlimited: Tri::Auto,
+            actrange: None,
+            actdim: -1,
         }
     }
 }
@@ -120,7 +130,7 @@ impl RawActuator {
             Tag::Position => self.read_position(donor, reader),
             Tag::Velocity => self.read_velocity(donor, reader),
             Tag::Damper => self.read_damper(donor, reader),
-            Tag::Other => self.newer = true,
+            Tag::Other => self.newer = Some(format!("actuators of kind {} are", reader.element.tag)),
         }
     }
 
@@ -145,16 +155,41 @@ impl RawActuator {
     }
 
     fn read_general(&mut self, reader: &mut Reader) {
-        reader.keyword("dyntype", DYNAMICS, &mut self.stateful);
+        let mut stateful = self.stateful.is_some();
+        reader.keyword("dyntype", DYNAMICS, &mut stateful);
+        self.stateful = stateful.then(|| self.stateful.unwrap_or("dyntype"));
         reader.keyword("gaintype", GAINS, &mut self.gain);
         reader.keyword("biastype", BIASES, &mut self.bias);
         reader.leading("gainprm", &mut self.gainprm);
         reader.leading("biasprm", &mut self.biasprm);
         reader.ignored("dynprm", 10, true);
-        reader.ignored("actrange", 2, false);
+        reader.range("actrange", &mut self.actrange);
+        reader.tri("actlimited", &mut self.actlimited);
+        reader.boolean("actearly", &mut false);
+        reader.integer("actdim", &mut self.actdim);
         self.read_inheritrange(reader);
-        if ["input", "ffrange", "velrange"].iter().any(|name| reader.has(name)) {
-            self.newer = true;
+        for name in ["ffrange", "velrange"].into_iter().filter(|name| reader.has_value(name)) {
+            self.newer = Some(format!("attribute \"{name}\": an actuator with several inputs is"));
+        }
+        self.read_input(reader);
+    }
+
+    /// What the control is compared with says nothing about the force: the bias does. Only several inputs would matter.
+    fn read_input(&mut self, reader: &mut Reader) {
+        const INPUTS: [&str; 3] = ["pos", "vel", "pressure"];
+        const OTHERS: [&str; 2] = ["ff", "none"];
+        let Some(text) = reader.element.get("input") else { return };
+        let words: Vec<&str> = text.split_ascii_whitespace().collect();
+        if let Some(word) = words.iter().find(|word| !INPUTS.contains(word) && !OTHERS.contains(word)) {
+            let remedy = or_list(word, INPUTS);
+            return reader.report.error(
+                reader.element,
+                format!("attribute \"input\": {} is unknown", quoted(word)),
+                remedy,
+            );
+        }
+        if words.len() > 1 || words.iter().any(|word| OTHERS.contains(word)) {
+            self.newer = Some(format!("attribute \"input\": an actuator with the inputs {} is", quoted(text)));
         }
     }
 
@@ -190,7 +225,7 @@ impl RawActuator {
         let timeconst = self.timeconst;
         self.set(Law::Fixed, &[kp], Law::Affine, &[0.0, -kp, damping]);
         self.timeconst = timeconst;
-        self.stateful = timeconst > 0.0;
+        self.stateful = (timeconst > 0.0).then_some("timeconst");
     }
 
     fn read_velocity(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
@@ -219,9 +254,9 @@ impl RawActuator {
         self.gainprm[..gainprm.len()].copy_from_slice(gainprm);
         self.biasprm = [0.0; 10];
         self.biasprm[..biasprm.len()].copy_from_slice(biasprm);
-        self.stateful = false;
+        self.stateful = None;
         self.timeconst = 0.0;
-        self.newer = false;
+        self.newer = None;
     }
 
     /// Why the actuator cannot be had.
@@ -230,23 +265,18 @@ impl RawActuator {
         if let Some(name) = transmission {
             return Some(format!("transmission through a {name} is"));
         }
-        let what = if self.newer {
-            if element.tag == "general" {
-                "actuators with these attributes or defaults are".into()
-            } else {
-                format!("actuators of kind {} are", element.tag)
-            }
-        } else if self.stateful {
-            "activation states (dyntype, timeconst) are".into()
-        } else if self.gain == Law::Other {
-            "this gaintype is".into()
-        } else if self.bias == Law::Other {
-            "this biastype is".into()
-        } else if self.delay != 0.0 {
-            "a delay is".into()
-        } else {
-            return None;
+        let law = |attribute: &str, law| match law {
+            Law::Other(name) => Some(format!("{attribute} \"{name}\" is")),
+            _ => None,
         };
+        let what = self
+            .newer
+            .clone()
+            .or_else(|| self.stateful.map(|attribute| format!("attribute \"{attribute}\": an activation state is")))
+            .or_else(|| law("gaintype", self.gain))
+            .or_else(|| law("biastype", self.bias))
+            .or_else(|| (self.delay != 0.0).then(|| "attribute \"delay\": a delay is".to_string()))
+            .or_else(|| (self.actdim > 1).then(|| format!("attribute \"actdim\": {} activations are", self.actdim)))?;
         Some(what)
     }
 
@@ -272,6 +302,10 @@ impl RawActuator {
             if reader.has_value(name) {
                 reader.report.error(reader.element, format!("attribute \"{name}\" does not go with a joint"), "");
             }
+        }
+        if is_limited(self.actrange, self.actlimited) {
+            let message = "attribute \"actrange\" or \"actlimited\": the actuator has no activation";
+            reader.report.error(reader.element, message, "remove it");
         }
         if tag == Tag::Damper && self.common.ctrlrange.is_none() {
             reader.report.error(reader.element, "a damper needs a ctrlrange", "");

@@ -1,8 +1,9 @@
 //! The body tree: bodies, frames, and what they hold.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 use super::defaults::{Classes, MAIN};
+use super::geom::RawGeom;
 use super::joint;
 use super::orientation::{Angles, Orientation, Pose, mul, rotate};
 use super::reader::Reader;
@@ -10,8 +11,10 @@ use super::reference::{Entry, References};
 use super::replicate::Replica;
 use super::report::Report;
 use super::tree::{Element, Tree};
-use crate::spec::{Body, Exclude, Inertia, Inertial, JointKind, Pair};
+use crate::spec::{Body, Compiler, Exclude, Inertia, Inertial, JointKind, Pair};
 
+/// Words of `body/fuse`.
+const FUSE: &[(&str, bool)] = &[("auto", true), ("false", false)];
 /// Most elements of a model once replicas are made.
 const MOST_ELEMENTS: usize = 1_000_000;
 
@@ -26,6 +29,34 @@ struct Scope {
     class: usize,
     /// Whether a `replicate` stands between it and its body.
     replicated: bool,
+    /// Whether that body has an `inertial`, and whether it can move.
+    held: Held,
+}
+
+/// What a body has that decides what its geoms count for.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Held {
+    pub inertial: bool,
+    pub moves: bool,
+}
+
+impl Held {
+    /// Looks at a body's own children, and into frames.
+    fn of(tree: &Tree, body: usize, around: Held) -> Held {
+        let mut held = Held { inertial: false, ..around };
+        let mut open = vec![body];
+        while let Some(index) = open.pop() {
+            for &child in &tree[index].children {
+                match tree[child].tag.as_str() {
+                    "joint" | "freejoint" => held.moves = true,
+                    "inertial" => held.inertial = true,
+                    "frame" => open.push(child),
+                    _ => {}
+                }
+            }
+        }
+        held
+    }
 }
 
 /// What is still to be done.
@@ -44,7 +75,10 @@ pub(super) struct Builder<'a> {
     pub pairs: References<Pair>,
     pub excludes: References<Exclude>,
     pub actuators: References<Entry>,
-    /// Names of geoms that a lenient load left out.
+    pub compiler: &'a Compiler,
+    /// Geoms that are left out though nothing says lenient, by why: how many, and the first.
+    pub decorations: BTreeMap<&'static str, (usize, String)>,
+    /// Names of geoms that were left out.
     pub lost_geoms: HashSet<String>,
     /// Whether something was left out that has coordinates of its own.
     pub lost_coordinates: bool,
@@ -57,12 +91,12 @@ impl Builder<'_> {
     /// Walks all `worldbody` sections in the order of the file, without recursion.
     pub fn build(&mut self) {
         let tree = self.tree;
-        let world = Scope { body: 0, frame: Pose::IDENTITY, class: MAIN, replicated: false };
+        let world = Scope { body: 0, frame: Pose::IDENTITY, class: MAIN, replicated: false, held: Held::default() };
         let sections = tree[0].children.iter().copied().filter(|&s| matches!(&*tree[s].tag, "worldbody" | "world"));
         let mut tasks = Vec::new();
         for section in sections {
             if tree[section].tag == "world" {
-                self.report.notes.push("world is an old name of worldbody".into());
+                self.report.note("world is an old name of worldbody");
             }
             visit_children(tree, section, world, &mut tasks);
             while let Some(task) = tasks.pop() {
@@ -138,8 +172,10 @@ impl Builder<'_> {
         };
         reader.boolean("mocap", &mut body.mocap);
         reader.real("gravcomp", &mut body.gravcomp);
+        reader.keyword("fuse", FUSE, &mut body.fuse);
         self.bodies.push(body);
-        let inner = Scope { body: self.bodies.len() - 1, frame: Pose::IDENTITY, class, replicated: false };
+        let held = Held::of(self.tree, index, scope.held);
+        let inner = Scope { body: self.bodies.len() - 1, frame: Pose::IDENTITY, class, replicated: false, held };
         visit_children(self.tree, index, inner, tasks);
     }
 
@@ -232,13 +268,33 @@ impl Builder<'_> {
         let mut raw = self.classes[class].geom.clone();
         raw.read(&mut Reader::new(element, self.report));
         let name = element.get("name").unwrap_or_default().to_string();
-        if let Some(mut geom) = raw.finish(element, self.angles, self.report) {
+        if let Some(what) = raw.missing() {
+            self.leave_out(element, &raw, what, scope.held);
+            self.lost_geoms.insert(name);
+        } else if let Some(mut geom) = raw.finish(element, self.angles, self.report) {
             geom.name = name;
             place(scope.frame, &mut geom.pos, &mut geom.quat);
             self.bodies[scope.body].geoms.push(geom);
         } else {
             self.lost_geoms.insert(name);
         }
+    }
+
+    /// Leaves out a geom whose shape is not built: with a note if nothing depends on it, else as a loss or problem.
+    fn leave_out(&mut self, element: &Element, raw: &RawGeom, what: &'static str, held: Held) {
+        let named = element.get("name").is_some_and(|name| self.pairs.mention(name));
+        let (touches, weighs) = (raw.touches() || named, raw.weighs(self.compiler, held));
+        if !touches && !weighs {
+            let place = || super::report::placed(&element.source, &element.label(), "the first");
+            self.decorations.entry(what).or_insert_with(|| (0, place())).0 += 1;
+            return;
+        }
+        let with = match (touches, weighs) {
+            (true, true) => "with its contacts and its mass",
+            (true, false) => "with its contacts",
+            _ => "with its mass",
+        };
+        self.report.unsupported_with(element, what, with);
     }
 
     fn site(&mut self, element: &Element, scope: Scope) {

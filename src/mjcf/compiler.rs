@@ -4,17 +4,21 @@ use super::orientation::Angles;
 use super::reader::Reader;
 use super::report::Report;
 use super::tree::Tree;
-use crate::spec::{Compiler, InertiaFromGeom};
+use crate::spec::{InertiaFromGeom, Spec};
 
 const UNITS: &[(&str, f64)] = &[("degree", std::f64::consts::PI / 180.0), ("radian", 1.0)];
 const INERTIA: &[(&str, InertiaFromGeom)] =
     &[("auto", InertiaFromGeom::Auto), ("false", InertiaFromGeom::False), ("true", InertiaFromGeom::True)];
 
 /// Reads all `compiler` sections, in order.
-pub(super) fn read(tree: &Tree, compiler: &mut Compiler, report: &mut Report) -> Angles {
+pub(super) fn read(tree: &Tree, spec: &mut Spec, report: &mut Report) -> Angles {
+    let compiler = &mut spec.compiler;
     let mut angles = Angles { scale: UNITS[0].1, sequence: *b"xyz" };
     for index in tree.sections("compiler") {
         let mut reader = Reader::new(&tree[index], report);
+        for (name, _) in &reader.element.attributes {
+            spec.written.insert(format!("compiler {name}"), reader.element.source.clone());
+        }
         reader.keyword("angle", UNITS, &mut angles.scale);
         sequence(&mut reader, &mut angles.sequence);
         if reader.element.get("coordinate").is_some_and(|value| value != "local") {

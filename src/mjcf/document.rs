@@ -42,7 +42,8 @@ impl Document {
         let text =
             include::read_text(path).map_err(|message| file_problem(&source, format!("the file {message}"), ""))?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-        let files = Files::Disk { folder, main: path.to_path_buf() };
+        let files = Files::Disk { folder, main: path.to_path_buf(), utf8: text.utf8 };
+        let text = text.text;
         let mut includes = Vec::new();
         let spec = read(&text, Some(&file), &files, options, Some(&mut includes))?;
         Ok((Document { file: Some(file.to_string()), text, includes }, spec))

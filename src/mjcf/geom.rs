@@ -1,10 +1,11 @@
 //! `geom` and `site`.
 
+use super::body::Held;
 use super::orientation::{Angles, Orientation, from_z};
 use super::reader::Reader;
 use super::report::Report;
 use super::tree::Element;
-use crate::spec::{Geom, GeomMass, Shape, Site};
+use crate::spec::{Compiler, Geom, GeomMass, InertiaFromGeom, Shape, Site};
 
 /// The shapes of MJCF: ours, and those that are not supported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,12 +177,32 @@ impl RawGeom {
         reader.real("adhesion", &mut self.adhesion);
     }
 
-    /// The geom in the coordinates of its frame; `None` if it cannot be had, which is reported.
+    /// Why the shape cannot be had.
+    pub fn missing(&self) -> Option<&'static str> {
+        self.placement.missing()
+    }
+
+    /// Whether it can touch what it is not paired with by name.
+    pub fn touches(&self) -> bool {
+        self.geom.contype != 0 || self.geom.conaffinity != 0
+    }
+
+    /// Whether the motion depends on its mass.
+    pub fn weighs(&self, compiler: &Compiler, held: Held) -> bool {
+        let [low, high] = compiler.inertiagrouprange;
+        let counts = match compiler.inertiafromgeom {
+            InertiaFromGeom::True => true,
+            InertiaFromGeom::Auto => !held.inertial,
+            InertiaFromGeom::False => false,
+        };
+        let moves = held.moves || compiler.settotalmass > 0.0;
+        let heavy = self.mass.unwrap_or(self.density) != 0.0;
+        counts && moves && heavy && (low..=high).contains(&self.geom.group)
+    }
+
+    /// The geom in the coordinates of its frame; `None` if something is wrong, which is reported. Its shape is not
+    /// [`missing`](Self::missing).
     pub fn finish(self, element: &Element, angles: &Angles, report: &mut Report) -> Option<Geom> {
-        if let Some(what) = self.placement.missing() {
-            report.unsupported(element, what);
-            return None;
-        }
         let features = [
             (self.fluid, "the ellipsoid fluid model (fluidshape) is"),
             (self.surfacevel != [0.0; 6], "a surface velocity (surfacevel) is"),

@@ -12,11 +12,15 @@ use super::scan::MOST_BYTES;
 use super::tree::Tree;
 use crate::diagnostics::Diagnostics;
 use crate::spec::Source;
+use crate::suggest::did_you_mean;
+
+/// What a path is relative to.
+const INCLUDE_PATHS: &str = "paths are relative to the main file, or to the file that includes";
 
 /// Where included files come from.
 pub(super) enum Files<'a> {
-    /// The folder of the main file, and that file itself.
-    Disk { folder: PathBuf, main: PathBuf },
+    /// The folder of the main file, that file itself, and whether it is UTF-8.
+    Disk { folder: PathBuf, main: PathBuf, utf8: bool },
     /// Texts by name.
     Memory(&'a BTreeMap<String, String>),
     /// Texts as an earlier load found them.
@@ -35,8 +39,11 @@ pub(super) fn read(
     check_size(text.len(), file)?;
     tree.append(text, file)?;
     let mut loader = Loader { files, seen: HashSet::new(), bytes: text.len(), record };
-    if let Files::Disk { main, .. } = files {
+    if let Files::Disk { main, utf8, .. } = files {
         loader.seen.insert(identity(main));
+        if !utf8 {
+            note_encoding(&main.display().to_string(), report);
+        }
     }
     // Elements of included files are appended, so this loop reaches their includes too; each file comes once, so it ends.
     let mut roots = vec![None; tree.elements.len()];
@@ -74,9 +81,12 @@ impl Loader<'_> {
             report.error(element, "include must be empty", "");
         }
         let (path, text) = match self.files {
-            Files::Memory(texts) => match texts.get(&name) {
-                Some(text) => (PathBuf::from(&name), Ok(text.clone())),
-                None => (PathBuf::from(&name), Err("no such file among those given".to_string())),
+            Files::Memory(texts) => match given(texts, &name) {
+                Some((key, text)) => (PathBuf::from(key), Ok(text.clone())),
+                None => {
+                    let near = did_you_mean(&name, texts.keys().map(String::as_str));
+                    (PathBuf::from(&name), Err(format!("no such file among those given {near}").trim_end().to_string()))
+                }
             },
             Files::Recorded(document) => match document.find(element.source.file.as_deref(), &name) {
                 Some(include) => (PathBuf::from(&include.path), Ok(include.text.clone())),
@@ -85,13 +95,16 @@ impl Loader<'_> {
             Files::Disk { folder, .. } => {
                 let path = find(&name, folder, element.source.file.as_deref());
                 let text = read_text(&path);
-                (path, text)
+                if text.as_ref().is_ok_and(|text| !text.utf8) {
+                    note_encoding(&path.display().to_string(), report);
+                }
+                (path, text.map(|text| text.text))
             }
         };
         let text = match text {
             Ok(text) => text,
             Err(message) => {
-                report.error(element, format!("file {}: {message}", quoted(&name)), "");
+                report.error(element, format!("file {}: {message}", quoted(&name)), INCLUDE_PATHS);
                 return Ok(None);
             }
         };
@@ -114,14 +127,25 @@ impl Loader<'_> {
     }
 }
 
-/// Where a file is: relative to the main file or, if there is none, to the file that includes it.
+/// Where a file is: relative to the main file or, if there is none, to the file that includes it. The path may be written
+/// as on Windows.
 fn find(name: &str, folder: &Path, including: Option<&str>) -> PathBuf {
-    let path = folder.join(name);
-    if path.exists() {
-        return path;
-    }
-    let nested = including.and_then(|file| Path::new(file).parent()).map(|folder| folder.join(name));
-    nested.filter(|nested| nested.exists()).unwrap_or(path)
+    let beside = including.and_then(|file| Path::new(file).parent());
+    let slashes = name.replace('\\', "/");
+    let names = [name, slashes.as_str()];
+    let places =
+        names.iter().flat_map(|name| [Some(folder), beside].into_iter().flatten().map(move |at| at.join(name)));
+    places.into_iter().find(|path| path.exists()).unwrap_or_else(|| folder.join(slashes.as_str()))
+}
+
+/// A text by its name, written with slashes of either kind, or else by the last part of the name.
+fn given<'a>(texts: &'a BTreeMap<String, String>, name: &str) -> Option<(&'a String, &'a String)> {
+    let slashes = |name: &str| name.replace('\\', "/");
+    let last = |name: &str| slashes(name).rsplit('/').next().map(str::to_string);
+    texts
+        .get_key_value(name)
+        .or_else(|| texts.iter().find(|(key, _)| slashes(key) == slashes(name)))
+        .or_else(|| texts.iter().find(|(key, _)| last(key) == last(name)))
 }
 
 fn check_size(bytes: usize, file: Option<&Arc<str>>) -> Result<(), Diagnostics> {
@@ -129,7 +153,7 @@ fn check_size(bytes: usize, file: Option<&Arc<str>>) -> Result<(), Diagnostics> 
         return Ok(());
     }
     let source = Source { file: file.cloned(), line: 0 };
-    Err(file_problem(&source, format!("the model is longer than {} MiB", MOST_BYTES >> 20), ""))
+    Err(file_problem(&source, format!("the model is longer than {} MiB", MOST_BYTES >> 20), "split the model"))
 }
 
 /// What makes two names the same file.
@@ -137,8 +161,8 @@ fn identity(path: &Path) -> PathBuf {
     std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf())
 }
 
-/// Reads a regular file as UTF-8, never more than a model may hold.
-pub(super) fn read_text(path: &Path) -> Result<String, String> {
+/// Reads a regular file as text, never more than a model may hold.
+pub(super) fn read_text(path: &Path) -> Result<Text, String> {
     let read = || -> std::io::Result<Vec<u8>> {
         // Asked before opening: to open a pipe would wait for a writer.
         if !std::fs::metadata(path)?.is_file() {
@@ -150,9 +174,30 @@ pub(super) fn read_text(path: &Path) -> Result<String, String> {
     };
     let bytes = read().map_err(|error| format!("cannot be read: {error}"))?;
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err("is UTF-16, but must be UTF-8".into());
+        return Err("is UTF-16, but must be UTF-8: save it as that".into());
     }
-    String::from_utf8(bytes).map_err(|error| format!("is not UTF-8 at byte {}", error.utf8_error().valid_up_to()))
+    Ok(decode(bytes))
+}
+
+/// The text of bytes in UTF-8 or, if they are not that, in an encoding with one byte per character, read as ISO-8859-1.
+/// Whatever is declared, MJCF's own words are the same in these encodings; only names and comments may look otherwise.
+fn decode(bytes: Vec<u8>) -> Text {
+    match String::from_utf8(bytes) {
+        Ok(text) => Text { text, utf8: true },
+        Err(error) => Text { text: error.as_bytes().iter().copied().map(char::from).collect(), utf8: false },
+    }
+}
+
+/// The text of a file.
+pub(super) struct Text {
+    pub text: String,
+    /// Whether it was UTF-8.
+    pub utf8: bool,
+}
+
+/// Says that a file was not UTF-8.
+fn note_encoding(file: &str, report: &mut Report) {
+    report.note(format!("{file}: is not UTF-8 and was read as ISO-8859-1: names may look otherwise"));
 }
 
 /// Replaces every `include` by the children of its file's root.

@@ -2,7 +2,7 @@
 
 use super::orientation::Angles;
 use super::reader::Reader;
-use crate::spec::{Joint, JointKind, Tri};
+use crate::spec::{Joint, JointKind, Tri, is_limited};
 
 const KINDS: &[(&str, JointKind)] =
     &[("free", JointKind::Free), ("ball", JointKind::Ball), ("slide", JointKind::Slide), ("hinge", JointKind::Hinge)];
@@ -33,10 +33,11 @@ pub(super) fn read(reader: &mut Reader, joint: &mut Joint) {
     reader.neutral("springyield", "yielding springs (springyield) are");
 }
 
-/// Turns angles into radians, and drops what a free joint has no use for.
+/// Turns angles into radians, and the limit of a free joint off.
 pub(super) fn finish(joint: &mut Joint, angles: &Angles) {
     let scale = angles.scale;
-    if matches!(joint.kind, JointKind::Hinge | JointKind::Ball) {
+    // As in MuJoCo, the range of a joint without a limit stays as it was written.
+    if matches!(joint.kind, JointKind::Hinge | JointKind::Ball) && is_limited(joint.range, joint.limited) {
         joint.range = joint.range.map(|range| range.map(|x| x * scale));
     }
     if joint.kind == JointKind::Hinge {
@@ -45,13 +46,14 @@ pub(super) fn finish(joint: &mut Joint, angles: &Angles) {
     }
     if joint.kind == JointKind::Free {
         // Defaults often give every joint a limit; a free one has none.
-        (joint.range, joint.limited) = (None, Tri::False);
+        joint.limited = Tri::False;
     }
 }
 
 /// Reads a `freejoint`, which has no class.
 pub(super) fn free(reader: &mut Reader) -> Joint {
     let mut joint = Joint { kind: JointKind::Free, ..Joint::default() };
+    reader.tri("align", &mut joint.align);
     reader.integer("group", &mut joint.group);
     joint
 }

@@ -51,7 +51,7 @@ pub(super) fn read(tree: &Tree, kept: &[bool], lost_coordinates: bool, report: &
 
 /// Removes what belongs to actuators that were left out.
 fn drop_actuators(key: &mut Key, kept: &[bool], report: &mut Report, element: &super::tree::Element) {
-    if let Some(ctrl) = key.ctrl.as_mut().filter(|ctrl| ctrl.len() == kept.len()) {
+    if let Some(ctrl) = &mut key.ctrl {
         let mut keep = kept.iter();
         ctrl.retain(|_| keep.next().copied().unwrap_or(true));
     }

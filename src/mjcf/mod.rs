@@ -36,7 +36,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
-use crate::spec::{Actuator, Exclude, Pair, Spec, Transmission};
+use crate::spec::{Actuator, Body, Exclude, Pair, Spec, Transmission};
 use actuator::Tag;
 use body::Builder;
 use defaults::{Classes, MAIN};
@@ -78,7 +78,7 @@ pub fn parse_with_files(
 
 /// Replaces options of a spec, as [`LoadOptions::overrides`] does while loading.
 pub fn override_options(spec: &mut Spec, overrides: &[(String, String)]) -> Result<(), Diagnostics> {
-    option::apply(overrides, &mut spec.option)
+    option::apply(overrides, spec)
 }
 
 fn read(
@@ -92,8 +92,11 @@ fn read(
     let tree = include::read(text, file, files, &mut report, record)?;
     schema::check(&tree, &mut report);
     let mut spec = Spec::new(tree[0].get("model").unwrap_or_default());
-    let angles = compiler::read(&tree, &mut spec.compiler, &mut report);
-    option::read(&tree, &mut spec.option, &mut report);
+    spec.bodies[0].source = tree[0].source.clone();
+    let angles = compiler::read(&tree, &mut spec, &mut report);
+    option::read(&tree, &mut spec, &mut report);
+    let overridden = option::apply(&options.overrides, &mut spec);
+    option::reset_unbuilt(&mut spec, &mut report);
     custom::check(&tree, &mut report);
     unsupported_sections(&tree, &mut report);
 
@@ -110,6 +113,8 @@ fn read(
         pairs: References::new(pairs),
         excludes: References::new(excludes),
         actuators: References::new(actuators),
+        compiler: &spec.compiler,
+        decorations: BTreeMap::new(),
         lost_geoms: HashSet::new(),
         lost_coordinates,
         cameras: 0,
@@ -117,61 +122,93 @@ fn read(
         elements: 0,
     };
     builder.build();
-    finish(builder, &mut spec);
+    let built = Built::of(builder);
+    built.finish(&tree, &mut spec, &mut report);
 
     report.into_result(&mut spec)?;
-    option::apply(&options.overrides, &mut spec.option)?;
+    overridden?;
     Ok(spec)
 }
 
-/// Takes over what was built, and reads the keyframes.
-fn finish(builder: Builder, spec: &mut Spec) {
-    let Builder { tree, report, bodies, pairs, excludes, actuators, lost_geoms, .. } = builder;
-    spec.bodies = bodies;
-    spec.excludes = excludes.into_items().collect();
-    for pair in pairs.into_items() {
-        let lost = [&pair.geom1, &pair.geom2].into_iter().find(|&name| lost_geoms.contains(name)).cloned();
-        match lost {
-            Some(name) => report.lose_pair(&pair, &name),
-            None => spec.pairs.push(pair),
+/// What the body tree has become, and what refers to it.
+struct Built {
+    bodies: Vec<Body>,
+    pairs: Vec<Pair>,
+    excludes: Vec<Exclude>,
+    actuators: Vec<Entry>,
+    lost_geoms: HashSet<String>,
+    lost_coordinates: bool,
+    notes: Vec<String>,
+}
+
+impl Built {
+    fn of(builder: Builder) -> Built {
+        let mut notes: Vec<String> = Vec::new();
+        for (what, (count, first)) in builder.decorations {
+            let (geoms, are) = if count == 1 { ("geom", "is") } else { ("geoms", "are") };
+            notes.push(format!(
+                "{count} {geoms} on which no motion depends {are} left out, as {what} not built: {first}"
+            ));
+        }
+        if builder.cameras + builder.lights > 0 {
+            notes.push(format!("{} cameras and {} lights have no effect", builder.cameras, builder.lights));
+        }
+        Built {
+            bodies: builder.bodies,
+            pairs: builder.pairs.into_items().collect(),
+            excludes: builder.excludes.into_items().collect(),
+            actuators: builder.actuators.into_items().collect(),
+            lost_geoms: builder.lost_geoms,
+            lost_coordinates: builder.lost_coordinates,
+            notes,
         }
     }
-    let mut kept = Vec::new();
-    for entry in actuators.into_items() {
-        kept.push(entry.kept);
-        if entry.kept {
-            spec.actuators.push(entry.actuator);
+
+    /// Hands over what was built, and reads the keyframes.
+    fn finish(self, tree: &Tree, spec: &mut Spec, report: &mut Report) {
+        (spec.bodies, spec.excludes) = (self.bodies, self.excludes);
+        for pair in self.pairs {
+            let lost = [&pair.geom1, &pair.geom2].into_iter().find(|&name| self.lost_geoms.contains(name)).cloned();
+            match lost {
+                Some(name) => report.lose_pair(&pair, &name),
+                None => spec.pairs.push(pair),
+            }
         }
-    }
-    spec.keys = keyframe::read(tree, &kept, builder.lost_coordinates, report);
-    if builder.cameras + builder.lights > 0 {
-        report.notes.push(format!("{} cameras and {} lights have no effect", builder.cameras, builder.lights));
+        let mut kept = Vec::new();
+        for entry in self.actuators {
+            kept.push(entry.kept);
+            if entry.kept {
+                spec.actuators.push(entry.actuator);
+            }
+        }
+        spec.keys = keyframe::read(tree, &kept, self.lost_coordinates, report);
+        self.notes.into_iter().for_each(|note| report.note(note));
     }
 }
 
 /// Sections of which nothing is supported.
 fn unsupported_sections(tree: &Tree, report: &mut Report) {
-    const SECTIONS: [(&str, &str); 5] = [
-        ("tendon", "tendons are"),
-        ("equality", "equality constraints are"),
-        ("sensor", "sensors are"),
-        ("extension", "plugins are"),
-        ("deformable", "deformable bodies are"),
-    ];
+    const SECTIONS: [(&str, &str); 3] =
+        [("tendon", "tendons are"), ("equality", "equality constraints are"), ("deformable", "deformable bodies are")];
     for (section, what) in SECTIONS {
         for index in tree.section(section) {
             report.unsupported(&tree[index], what);
         }
     }
-    for index in tree.section("asset") {
-        let what = match tree[index].tag.as_str() {
-            "mesh" => "meshes are",
-            "hfield" => "height fields are",
-            "model" => "attached models are",
-            _ => continue,
-        };
-        report.unsupported(&tree[index], what);
+    for index in tree.section("asset").filter(|&index| tree[index].tag == "model") {
+        report.unsupported(&tree[index], "attached models are");
     }
+    // What nothing depends on by itself: elements that use meshes or plugins say so.
+    let note = |count: usize, what: &str, report: &mut Report| {
+        if count > 0 {
+            report.note(format!("{count} {what}"));
+        }
+    };
+    let assets = |tag: &'static str| tree.section("asset").filter(move |&index| tree[index].tag == tag).count();
+    note(tree.section("sensor").count(), "sensors are not built: there is no sensordata", report);
+    note(tree.section("extension").count(), "plugins are not built", report);
+    note(assets("mesh"), "meshes are not read", report);
+    note(assets("hfield"), "height fields are not read", report);
 }
 
 fn contacts(tree: &Tree, classes: &Classes, report: &mut Report) -> (Vec<Pair>, Vec<Exclude>) {

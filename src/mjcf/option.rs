@@ -4,8 +4,9 @@ use super::report::{Report, file_problem, quoted};
 use super::tree::{Element, Tree};
 use super::value::{exactly, integer, integers, keyword, leading};
 use crate::diagnostics::Diagnostics;
-use crate::spec::{Options, Source};
+use crate::spec::{Options, Source, Spec};
 use crate::suggest::did_you_mean;
+use crate::unbuilt::unbuilt;
 use lanesim_kernels::options::{Cone, Flags, Integrator, Solver};
 
 /// The attributes of `option`.
@@ -30,17 +31,34 @@ const JACOBIANS: &[(&str, ())] = &[("dense", ()), ("sparse", ()), ("auto", ())];
 const SWITCH: &[(&str, bool)] = &[("enable", true), ("disable", false)];
 
 /// Reads all `option` sections, in order.
-pub(super) fn read(tree: &Tree, options: &mut Options, report: &mut Report) {
+pub(super) fn read(tree: &Tree, spec: &mut Spec, report: &mut Report) {
     for index in tree.sections("option") {
         let element = &tree[index];
         for (name, value) in &element.attributes {
-            report_bad(element, name, set(options, name, value), report);
+            report_bad(element, name, set(&mut spec.option, name, value), report);
+            spec.written.insert(format!("option {name}"), element.source.clone());
         }
         for flag in tree.children(index).filter(|child| child.tag == "flag") {
             for (name, value) in &flag.attributes {
-                report_bad(flag, name, set_flag(&mut options.flags, name, value), report);
+                report_bad(flag, name, set_flag(&mut spec.option.flags, name, value), report);
+                spec.written.insert(format!("flag {name}"), flag.source.clone());
             }
         }
+    }
+}
+
+/// Reports options that ask for what is not built, or with a lenient load resets them.
+pub(super) fn reset_unbuilt(spec: &mut Spec, report: &mut Report) {
+    for unbuilt in unbuilt(&spec.option) {
+        let source = spec.place(unbuilt.element, unbuilt.attribute);
+        report.unbuilt(&source, &unbuilt);
+        if report.lenient {
+            (unbuilt.reset)(&mut spec.option);
+        }
+    }
+    if !spec.option.flags.nativeccd {
+        let source = spec.place("flag", "nativeccd");
+        report.note_at(&source, "flag", "nativeccd has no effect: convex pairs have one algorithm");
     }
 }
 
@@ -51,9 +69,10 @@ fn report_bad(element: &Element, name: &str, result: Result<(), String>, report:
 }
 
 /// Applies overrides, NAME=VALUE each; a name is one of `option` or, with the value enable or disable, of `flag`.
-pub(super) fn apply(overrides: &[(String, String)], options: &mut Options) -> Result<(), Diagnostics> {
+pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(), Diagnostics> {
     let mut problems = Diagnostics::default();
     for (name, value) in overrides {
+        let options = &mut spec.option;
         let is = |list: &str| list.split_ascii_whitespace().any(|known| known == name);
         let switched = SWITCH.iter().any(|(word, _)| word == value);
         let result = match (is(NAMES), is(FLAGS)) {
@@ -70,6 +89,8 @@ pub(super) fn apply(overrides: &[(String, String)], options: &mut Options) -> Re
             (true, _) => set(options, name, value),
             (false, true) => set_flag(&mut options.flags, name, value),
         };
+        spec.written.remove(&format!("option {name}"));
+        spec.written.remove(&format!("flag {name}"));
         if let Err(message) = result {
             problems.0.extend(file_problem(&Source::default(), format!("option {}: {message}", quoted(name)), "").0);
         }
@@ -162,7 +183,8 @@ fn set_flag(f: &mut Flags, name: &str, value: &str) -> Result<(), String> {
         "invdiscrete" => &mut f.invdiscrete,
         "sleep" => &mut f.sleep,
         "diagexact" => &mut f.diagexact,
-        "ipc" | "speculative" if on => return Err("not supported".into()),
+        "ipc" => &mut f.ipc,
+        "speculative" => &mut f.speculative,
         _ => return Ok(()),
     };
     *target = on;

@@ -69,10 +69,10 @@ impl<'a> Reader<'a> {
         self.parsed(name, value::numbers).filter(|list| !list.is_empty())
     }
 
-    /// A range. MuJoCo's way to say that there is none is `0 0`.
+    /// A range, whose ends may be infinite. MuJoCo's way to say that there is none is `0 0`.
     pub fn range(&mut self, name: &str, target: &mut Option<[f64; 2]>) {
         let mut range = [0.0; 2];
-        if self.list(name, &mut range) {
+        if self.parsed(name, |text| value::bounds(text, &mut range)).unwrap_or(false) {
             *target = (range != [0.0; 2]).then_some(range);
         }
     }

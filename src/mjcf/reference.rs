@@ -71,6 +71,11 @@ impl<T: Refers> References<T> {
         self.items.push(Some(item));
     }
 
+    /// Whether some element refers to a name.
+    pub fn mention(&self, name: &str) -> bool {
+        self.by_target.contains_key(name)
+    }
+
     /// The elements that refer to something that is about to be replicated, by index. Afterwards none will have such a
     /// name as its target, so these names are forgotten.
     pub fn to(&mut self, replicated: &HashSet<&str>) -> Vec<usize> {

@@ -44,7 +44,10 @@ impl Replica {
         reader.list("offset", &mut offset);
         reader.list("euler", &mut euler);
         let separator = reader.text("sep");
-        let quat = builder.quat(element, Orientation::Euler(euler));
+        for name in super::schema::IDLE_IN_REPLICATE.split_ascii_whitespace().filter(|name| element.get(name).is_some())
+        {
+            reader.report.note_on(element, &format!("attribute \"{name}\" has no effect: give offset or euler"));
+        }
         let Ok(count) = usize::try_from(count) else {
             return builder.report.error(element, "attribute \"count\": must not be negative", "");
         };
@@ -68,11 +71,13 @@ impl Replica {
         builder.pairs.replicate(&pairs, &names.geoms, &suffixes);
         builder.excludes.replicate(&excludes, &names.bodies, &suffixes);
         builder.actuators.replicate(&actuators, &names.joints, &suffixes);
-        let step = Pose { pos: offset, quat };
-        let mut frame = Pose::IDENTITY;
-        for suffix in &suffixes {
+        let mut pos = [0.0; 3];
+        for (k, suffix) in suffixes.iter().enumerate() {
+            // A copy is turned by a multiple of the angles, which about several axes is no power of one rotation.
+            let quat = builder.quat(element, Orientation::Euler(euler.map(|angle| k as f64 * angle)));
+            let frame = Pose { pos, quat };
             self.copy(builder, &bodies, &content, self.outer.then(&frame), suffix);
-            frame = frame.then(&step);
+            pos = frame.then(&Pose { pos: offset, ..Pose::IDENTITY }).pos;
         }
     }
 

@@ -5,22 +5,55 @@ use super::value::shorten;
 use crate::diagnostics::Diagnostics;
 use crate::spec::{Pair, Source, Spec};
 use crate::suggest;
+use crate::unbuilt::Unbuilt;
 
 /// Most problems that are listed; the rest are counted.
 const MOST_PROBLEMS: usize = 50;
+/// Most losses, and most notes, that are listed.
+const MOST_SENTENCES: usize = 1000;
 
 /// Collects problems (which reject the model), losses (what a lenient load left out) and notes.
 pub(super) struct Report {
-    lenient: bool,
+    pub lenient: bool,
     problems: Diagnostics,
     unlisted: usize,
-    losses: Vec<String>,
-    pub notes: Vec<String>,
+    losses: List,
+    notes: List,
+}
+
+/// Sentences, of which the first are kept and the rest counted.
+#[derive(Default)]
+struct List {
+    sentences: Vec<String>,
+    more: usize,
+}
+
+impl List {
+    fn push(&mut self, sentence: String) {
+        if self.sentences.len() < MOST_SENTENCES {
+            self.sentences.push(sentence);
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn finish(mut self) -> Vec<String> {
+        if self.more > 0 {
+            self.sentences.push(format!("{} more are not listed", self.more));
+        }
+        self.sentences
+    }
 }
 
 impl Report {
     pub fn new(lenient: bool) -> Self {
-        Report { lenient, problems: Diagnostics::default(), unlisted: 0, losses: Vec::new(), notes: Vec::new() }
+        Report {
+            lenient,
+            problems: Diagnostics::default(),
+            unlisted: 0,
+            losses: List::default(),
+            notes: List::default(),
+        }
     }
 
     /// Adds a problem of an element.
@@ -57,18 +90,52 @@ impl Report {
         }
     }
 
+    /// As [`unsupported`](Self::unsupported), of an element that takes more with it.
+    pub fn unsupported_with(&mut self, element: &Element, what: &str, with: &str) {
+        if self.lenient {
+            self.lose(element, &format!("{what} not supported, left out {with}"));
+        } else {
+            self.error(element, format!("{what} not supported"), format!("a lenient load leaves it out {with}"));
+        }
+    }
+
+    /// An option that asks for what is not built: a loss if lenient, otherwise a problem.
+    pub fn unbuilt(&mut self, source: &Source, unbuilt: &Unbuilt) {
+        let Unbuilt { element, what, remedy, instead, .. } = unbuilt;
+        if self.lenient {
+            self.lose_at(source, element, &format!("{what} not supported, {instead}"));
+        } else {
+            self.error_at(
+                source,
+                *element,
+                format!("{what} not supported"),
+                format!("{remedy}; a lenient load goes without"),
+            );
+        }
+    }
+
+    /// Adds a note.
+    pub fn note(&mut self, what: impl Into<String>) {
+        self.notes.push(what.into());
+    }
+
+    /// Adds a note on an element.
+    pub fn note_on(&mut self, element: &Element, what: &str) {
+        self.note_at(&element.source, &element.label(), what);
+    }
+
+    /// Adds a note at a place.
+    pub fn note_at(&mut self, source: &Source, element: &str, what: &str) {
+        self.note(placed(source, element, what));
+    }
+
     /// Adds a loss.
     pub fn lose(&mut self, element: &Element, what: &str) {
         self.lose_at(&element.source, &element.label(), what);
     }
 
     fn lose_at(&mut self, source: &Source, element: &str, what: &str) {
-        let place = match (&source.file, source.line) {
-            (Some(file), line) => format!("{file}:{line}: "),
-            (None, 0) => String::new(),
-            (None, line) => format!("line {line}: "),
-        };
-        self.losses.push(format!("{place}{element}: {what}"));
+        self.losses.push(placed(source, element, what));
     }
 
     /// A pair that refers to a geom that was left out.
@@ -82,10 +149,20 @@ impl Report {
             let message = format!("{} more problems are not listed", self.unlisted);
             self.problems.push(&Source::default(), "", message, "");
         }
-        spec.losses = self.losses;
-        spec.notes = self.notes;
+        spec.losses = self.losses.finish();
+        spec.notes = self.notes.finish();
         self.problems.into_result()
     }
+}
+
+/// A sentence on an element, with its place.
+pub(super) fn placed(source: &Source, element: &str, what: &str) -> String {
+    let place = match (&source.file, source.line) {
+        (Some(file), line) => format!("{file}:{line}: "),
+        (None, 0) => String::new(),
+        (None, line) => format!("line {line}: "),
+    };
+    format!("{place}{element}: {what}")
 }
 
 /// One problem with a file as a whole.

@@ -35,6 +35,9 @@ const IDENTITY: &str = "name class";
 /// Orientation notations: at most one per element.
 pub(super) const ORIENTATIONS: &str = "quat axisangle euler xyaxes zaxis";
 
+/// What MuJoCo accepts in a `replicate`, and does not read.
+pub(super) const IDLE_IN_REPLICATE: &str = "name pos quat axisangle xyaxes zaxis";
+
 const COMPILER: &str = "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass conflict coordinate \
     discardvisual eulerseq fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough savecanonical \
     savecompiled saveinertial settotalmass strippath texturedir usethread";
@@ -174,8 +177,12 @@ static BODY: Rule = Rule {
 };
 static FRAME: Rule =
     Rule { tag: "frame", attributes: &["name childclass pos", ORIENTATIONS], children: &BODY_CHILDREN, ..PLAIN };
-static REPLICATE: Rule =
-    Rule { tag: "replicate", attributes: &["count offset euler sep childclass"], children: &BODY_CHILDREN, ..PLAIN };
+static REPLICATE: Rule = Rule {
+    tag: "replicate",
+    attributes: &["count offset euler sep childclass", IDLE_IN_REPLICATE],
+    children: &BODY_CHILDREN,
+    ..PLAIN
+};
 
 static CONTACT: Rule =
     section("contact", &[&leaf("pair", &[PAIR, IDENTITY, "geom1 geom2"]), &leaf("exclude", &["name body1 body2"])]);
@@ -204,6 +211,26 @@ static KEYFRAME: Rule = section("keyframe", &[&leaf("key", &["name time qpos qve
 /// The names in lists separated by blanks.
 fn names(lists: &'static [&'static str]) -> impl Iterator<Item = &'static str> + Clone {
     lists.iter().flat_map(|list| list.split_ascii_whitespace())
+}
+
+/// Every attribute that is accepted, with the path of its element; of elements that nest in themselves, the outermost.
+#[cfg(test)]
+pub(super) fn attributes() -> Vec<(Vec<&'static str>, &'static str)> {
+    let mut out = Vec::new();
+    let mut seen: Vec<*const Rule> = Vec::new();
+    let mut open = vec![(vec![MUJOCO.tag], &MUJOCO)];
+    // Breadth first, so that paths are short.
+    while !open.is_empty() {
+        let (path, rule) = open.remove(0);
+        if seen.contains(&std::ptr::from_ref(rule)) {
+            continue;
+        }
+        seen.push(rule);
+        out.extend(names(rule.attributes).map(|name| (path.clone(), name)));
+        let inner = rule.children.iter().filter(|child| !child.opaque);
+        open.extend(inner.map(|child| ([&path[..], &[child.tag]].concat(), *child)));
+    }
+    out
 }
 
 /// Reports every element and attribute that the table does not know.

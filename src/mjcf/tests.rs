@@ -1,9 +1,12 @@
 //! Tests of the front end. Numbers were computed by MuJoCo 4.0.0 from the same text.
 
 mod actuators;
+mod attributes;
 mod bodies;
+mod left_out;
 mod model;
 mod text;
+mod written;
 
 use super::{LoadOptions, parse};
 use crate::spec::Spec;

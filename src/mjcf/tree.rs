@@ -52,16 +52,18 @@ impl Tree {
     /// Parses one file and appends its elements; returns the index of its root.
     pub fn append(&mut self, text: &str, file: Option<&Arc<str>>) -> Result<usize, Diagnostics> {
         let source = |line| Source { file: file.cloned(), line };
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let text = text.trim_start_matches('\u{feff}').trim_end_matches('\0');
         if text.trim().is_empty() {
             return Err(file_problem(&source(0), "the file is empty", "an MJCF file starts with <mujoco>"));
         }
-        let text = scan(text).map_err(|fault| file_problem(&source(fault.line), fault.message, ""))?;
+        let text = scan(text).map_err(|fault| file_problem(&source(fault.line), fault.message, fault.remedy))?;
         let options = roxmltree::ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..Default::default() };
         let document = roxmltree::Document::parse_with_options(&text, options).map_err(|error| {
             let remedy = match error {
-                roxmltree::Error::DtdDetected => "remove the document type declaration",
-                _ => "",
+                roxmltree::Error::DtdDetected => "remove the document type declaration".to_string(),
+                roxmltree::Error::NodesLimitReached => format!("write at most {MOST_NODES} elements and texts"),
+                roxmltree::Error::DuplicatedAttribute(..) => "keep one of them".to_string(),
+                _ => "every tag must be closed, every value be in quotes".to_string(),
             };
             file_problem(&source(error.pos().row), format!("not well-formed XML: {error}"), remedy)
         })?;

@@ -1,10 +1,20 @@
 //! The values of attributes: numbers, lists, keywords. Errors are the message alone; the caller knows the place.
 
 use crate::spec::Tri;
+use crate::suggest::did_you_mean;
 
 /// Reads a list of finite numbers separated by white space.
 pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split_ascii_whitespace().map(number).collect()
+}
+
+/// Reads the two ends of a range; what is infinite bounds nothing. Says whether they were given.
+pub(super) fn bounds(text: &str, target: &mut [f64; 2]) -> Result<bool, String> {
+    let infinite = |word: &str| match word.trim_start_matches(['+', '-']).to_ascii_lowercase().as_str() {
+        "inf" | "infinity" => word.parse::<f64>().ok(),
+        _ => None,
+    };
+    fill(text, target, |word| infinite(word).map_or_else(|| number(word), Ok))
 }
 
 /// Reads one finite number.
@@ -19,12 +29,19 @@ fn number(word: &str) -> Result<f64, String> {
 
 /// Reads exactly as many numbers as `target` holds. An empty list leaves it alone; the result says whether one was given.
 pub(super) fn exactly(text: &str, target: &mut [f64]) -> Result<bool, String> {
-    let list = numbers(text)?;
+    fill(text, target, number)
+}
+
+fn fill(text: &str, target: &mut [f64], read: impl Fn(&str) -> Result<f64, String>) -> Result<bool, String> {
+    let words = text.split_ascii_whitespace();
+    // Read what there is room for, and only count the rest.
+    let list: Vec<f64> = words.clone().take(target.len()).map(read).collect::<Result<_, _>>()?;
     if list.is_empty() {
         return Ok(false);
     }
-    if list.len() != target.len() {
-        return Err(format!("expected {}, found {}", plural(target.len()), list.len()));
+    let found = words.count();
+    if found != target.len() {
+        return Err(format!("expected {}, found {found}", plural(target.len())));
     }
     target.copy_from_slice(&list);
     Ok(true)
@@ -32,9 +49,11 @@ pub(super) fn exactly(text: &str, target: &mut [f64]) -> Result<bool, String> {
 
 /// Reads at most as many numbers as `target` holds and replaces its first ones; says whether any was given.
 pub(super) fn leading(text: &str, target: &mut [f64]) -> Result<bool, String> {
-    let list = numbers(text)?;
-    if list.len() > target.len() {
-        return Err(format!("expected at most {}, found {}", plural(target.len()), list.len()));
+    let words = text.split_ascii_whitespace();
+    let list: Vec<f64> = words.clone().take(target.len()).map(number).collect::<Result<_, _>>()?;
+    let found = words.count();
+    if found > target.len() {
+        return Err(format!("expected at most {}, found {found}", plural(target.len())));
     }
     target[..list.len()].copy_from_slice(&list);
     Ok(!list.is_empty())
@@ -69,7 +88,11 @@ pub(super) fn integer(text: &str) -> Result<Option<i32>, String> {
 pub(super) fn keyword<T: Copy>(text: &str, table: &[(&str, T)]) -> Result<T, String> {
     table.iter().find(|(word, _)| *word == text).map(|&(_, value)| value).ok_or_else(|| {
         let words: Vec<&str> = table.iter().map(|&(word, _)| word).collect();
-        format!("\"{}\" is not one of {}", shorten(text), words.join(", "))
+        let near = match did_you_mean(text, words.iter().copied()) {
+            near if near.is_empty() => near,
+            near => format!("; {near}"),
+        };
+        format!("\"{}\" is not one of {}{near}", shorten(text), words.join(", "))
     })
 }
 

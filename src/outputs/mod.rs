@@ -172,6 +172,9 @@ impl Output {
     /// The output called `name`.
     pub fn named(name: &str) -> Result<Output, Error> {
         TABLE.iter().find(|row| row.0 == name).map(|row| Output { name: row.0, kind: row.1 }).ok_or_else(|| {
+            if name == "sensordata" {
+                return Error::Unknown("sensors are not built, so there is no output sensordata".into());
+            }
             let near = suggest::did_you_mean(name, TABLE.iter().map(|row| row.0));
             let remedy = if near.is_empty() { LISTED } else { &near };
             Error::Unknown(format!("there is no output {name}; {remedy}"))

@@ -31,6 +31,24 @@ impl<U, A: Cast<U>> Cast<U> for Vec<A> {
     }
 }
 
+/// Whether numbers stay finite when they are rounded to single precision.
+pub trait Representable {
+    /// Whether all of `self` do.
+    fn representable(&self) -> bool;
+}
+
+impl Representable for f64 {
+    fn representable(&self) -> bool {
+        (*self as f32).is_finite()
+    }
+}
+
+impl<A: Representable, const N: usize> Representable for [A; N] {
+    fn representable(&self) -> bool {
+        self.iter().all(Representable::representable)
+    }
+}
+
 /// Declares a table entry: plain fields first, then, after `real`, those that depend on the real type.
 macro_rules! table {
     ($(#[$doc:meta])* pub struct $name:ident {
@@ -47,6 +65,20 @@ macro_rules! table {
             type Out = $name<U>;
             fn cast(&self) -> $name<U> {
                 $name { $($plain: self.$plain.clone(),)* $($real: self.$real.cast(),)* }
+            }
+        }
+        impl $name<f64> {
+            /// The first field that is not finite, or not in single precision.
+            pub fn overflow(&self) -> Option<&'static str> {
+                $(if !self.$real.representable() {
+                    return Some(stringify!($real));
+                })*
+                None
+            }
+        }
+        impl Representable for $name<f64> {
+            fn representable(&self) -> bool {
+                self.overflow().is_none()
             }
         }
     };

@@ -11,7 +11,7 @@ mod pattern;
 mod tables;
 mod varied;
 
-pub use cast::Cast;
+pub use cast::{Cast, Representable};
 pub use pattern::{Pattern, Rows};
 pub use tables::*;
 pub use varied::{Instance, Quantities, Quantity, Varied};

@@ -1,7 +1,7 @@
 //! One table entry per element of the model.
 
 use super::Span;
-use super::cast::{Cast, table};
+use super::cast::{Cast, Representable, table};
 use crate::lane::{Lane, Real};
 
 table! {

@@ -1,5 +1,6 @@
 //! The compiler as a whole, against figures of MuJoCo 4.0.0.
 
+mod ranges;
 mod refused;
 
 use lanesim_kernels::constraint::DofRowKind;

@@ -36,7 +36,10 @@ fn refused_joints() {
     refuses(|s| s.bodies[1].joints.push(free()), "at most 6");
     refuses(|s| s.bodies[1].joints = vec![joint(JointKind::Ball, [0.0; 3]), hinge()], "ball joint is followed");
     refuses(|s| s.bodies[1].joints[0].axis = [0.0; 3], "axis has no direction");
-    refuses(|s| s.bodies[1].joints[0].range = Some([1.0, -1.0]), "joint \"j\": range is empty: 1 -1");
+    let reversed = |s: &mut Spec| {
+        (s.bodies[1].joints[0].range, s.bodies[1].joints[0].limited) = (Some([1.0, -1.0]), Tri::True);
+    };
+    refuses(reversed, "joint \"j\": range is empty: 1 -1");
     refuses(|s| s.bodies[1].joints[0].limited = Tri::True, "range is empty");
     refuses(|s| s.bodies[1].joints[0].armature = -1.0, "armature is negative");
     refuses(|s| s.bodies[1].joints[0].damping[0] = -1.0, "damping is negative");
@@ -99,9 +102,12 @@ fn refused_options() {
     refuses(|s| s.option.timestep = 0.0, "option: timestep is 0");
     refuses(|s| s.option.timestep = f64::NAN, "timestep is NaN");
     refuses(|s| s.option.gravity[1] = f64::NAN, "gravity is not finite");
-    refuses(|s| s.option.density = 1.2, "density 1.2: fluid forces are not supported yet");
-    refuses(|s| s.option.flags.diagexact = true, "the flag diagexact is not supported yet");
-    refuses(|s| s.option.flags.sleep = true, "the flag sleep is not supported yet");
+    refuses(|s| s.option.density = 1.2, "density 1.2: fluid forces are not supported");
+    refuses(
+        |s| s.option.flags.diagexact = true,
+        "diagexact: the exact diagonal of the constraint space is not supported",
+    );
+    refuses(|s| s.option.flags.sleep = true, "sleep: sleeping trees are not supported");
     refuses(|s| s.option.viscosity = 1e-5, "viscosity");
     refuses(|s| s.option.impratio = 0.0, "impratio is 0");
     refuses(|s| s.compiler.boundmass = -1.0, "boundmass is negative");
@@ -118,13 +124,10 @@ fn refused_references() {
     let motor = |target: &str| Actuator { transmission: Transmission::Joint(target.into()), ..Actuator::default() };
     refuses(|s| s.actuators.push(motor("k")), "unknown joint \"k\"");
     refuses(|s| s.actuators.push(motor("")), "acts on nothing");
-    refuses(|s| s.actuators.push(Actuator { ctrlrange: Some([1.0, 0.0]), ..motor("j") }), "ctrlrange is empty");
+    refuses(|s| s.actuators.push(Actuator { ctrllimited: Tri::True, ..motor("j") }), "ctrlrange is empty");
     refuses(|s| s.actuators.push(Actuator { inheritrange: 1.0, ..motor("j") }), "joint \"j\" has no range");
     refuses(|s| s.actuators.push(Actuator { armature: -1.0, ..motor("j") }), "armature is negative");
-    refuses(
-        |s| s.keys.push(Key { qpos: Some(vec![0.0; 2]), ..Key::default() }),
-        "qpos has 2 numbers, the model needs 1",
-    );
+    refuses(|s| s.keys.push(Key { qpos: Some(vec![0.0; 2]), ..Key::default() }), "qpos has 2 numbers, the model has 1");
     refuses(|s| s.keys.push(Key { ctrl: Some(vec![f64::NAN]), ..Key::default() }), "ctrl has 1 numbers");
 }
 
@@ -138,4 +141,32 @@ fn every_problem_is_named() {
     let text: Vec<String> = list.iter().map(ToString::to_string).collect();
     assert!(text.len() >= 4, "{text:?}");
     assert!(text.contains(&"arm.xml:7: body \"a\": gravcomp is not finite (give finite numbers)".to_string()));
+}
+
+/// Constants that overflow, in double precision or rounded to single, have a place.
+#[test]
+fn numbers_that_overflow() {
+    let problem = |text: &str| {
+        Model::from_xml_string(text, &crate::mjcf::LoadOptions::default()).expect_err("overflows").to_string()
+    };
+    let world = |body: &str| format!("<mujoco><worldbody>\n<body name='a'>{body}</body></worldbody></mujoco>");
+    let far = "<joint axis='1 0 0'/><geom pos='1e155 -.187 0' size='.15' mass='1'/>";
+    assert!(problem(&world(far)).starts_with("2: body \"a\": "), "{}", problem(&world(far)));
+    // m r² = 1e40 is finite in double precision only.
+    let single = problem(&world("<joint name='j' axis='0 1 0'/><geom pos='1e20 0 0' size='.15' mass='1'/>"));
+    assert!(single.contains("2: joint \"j\": inertia leaves the range of numbers"), "{single}");
+    let heavy = problem(&world("<freejoint/><geom size='.1' mass='1e300'/>"));
+    assert!(heavy.contains("2: body \"a\": mass leaves the range of numbers (of single precision, too)"), "{heavy}");
+    let armed = problem(&world("<joint name='j' armature='1e39'/><geom size='.1'/>"));
+    assert!(armed.contains("2: joint \"j\": armature leaves the range of numbers"), "{armed}");
+    let gear = "<actuator>\n<motor joint='j' gear='1e60'/></actuator>";
+    let text = format!(
+        "<mujoco><worldbody><body><joint name='j'/><geom size='.1' pos='1 0 0'/></body></worldbody>{gear}</mujoco>"
+    );
+    assert!(problem(&text).contains("2: actuator #0: gear leaves the range of numbers"), "{}", problem(&text));
+    let gravity = "<mujoco>\n<option gravity='0 0 -1e39'/></mujoco>";
+    assert!(problem(gravity).contains("2: option: gravity leaves the range of numbers"), "{}", problem(gravity));
+    // Large, but in range.
+    let large = world("<freejoint/><geom size='.1' mass='1e30'/>");
+    assert!(Model::from_xml_string(&large, &crate::mjcf::LoadOptions::default()).is_ok());
 }

@@ -69,8 +69,11 @@ fn bad_actuators() {
     let missing = |what: &str| format!("{what} not supported (a lenient load leaves it out)");
     check("<motor name='a' tendon='t'/>", &missing("1: motor \"a\": transmission through a tendon is"));
     check("<muscle joint='j'/>", &missing("1: muscle: actuators of kind muscle are"));
-    check("<position joint='j' timeconst='1'/>", &missing("1: position: activation states (dyntype, timeconst) are"));
-    check("<motor joint='j' delay='.1'/>", &missing("1: motor: a delay is"));
+    check(
+        "<position joint='j' timeconst='1'/>",
+        &missing("1: position: attribute \"timeconst\": an activation state is"),
+    );
+    check("<motor joint='j' delay='.1'/>", &missing("1: motor: attribute \"delay\": a delay is"));
 }
 
 #[test]

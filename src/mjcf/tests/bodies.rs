@@ -77,7 +77,8 @@ fn angles_of_joints() {
     assert_eq!(joint("type='slide' ref='10'").reference, 10.0);
     assert_eq!(joint("type='ball' range='0 90'").range, Some([0.0, 0.5 * PI]));
     assert_eq!(joint("range='0 0'").range, None);
-    assert_eq!((joint("type='free' range='0 1'").range, joint("type='free'").limited), (None, Tri::False));
+    assert_eq!(joint("type='free' range='0 1'").range, Some([0.0, 1.0]));
+    assert_eq!(joint("type='free' limited='true'").limited, Tri::False);
     assert_eq!(joint("stiffness='1 2' damping='3'").stiffness, [1.0, 2.0, 0.0]);
     rejects(&world("<joint/>"), "1: joint: the world cannot have a joint (put it in a body)");
     rejects(

@@ -101,13 +101,13 @@ fn custom_data() {
 #[test]
 fn options_and_flags() {
     let text = "<mujoco><option timestep='.1' actuatorgroupdisable='1 3'><flag gravity='disable'/></option>\
-        <option gravity='1 2 3' integrator='RK4'><flag contact='disable' energy='enable'/></option></mujoco>";
+        <option gravity='1 2 3' integrator='Euler'><flag contact='disable' energy='enable'/></option></mujoco>";
     let option = ok(text).option;
     assert_eq!((option.timestep, option.gravity, option.actuatorgroupdisable), (0.1, [1.0, 2.0, 3.0], 0b1010));
     assert!(!option.flags.gravity && !option.flags.contact && option.flags.energy);
     rejects(
         "<mujoco><option integrator='euler'/></mujoco>",
-        "1: option: attribute \"integrator\": \"euler\" is not one of Euler, RK4, implicit, implicitfast, discrete",
+        "1: option: attribute \"integrator\": \"euler\" is not one of Euler, RK4, implicit, implicitfast, discrete; did you mean \"Euler\"?",
     );
     rejects("<mujoco><option iterations='-1'/></mujoco>", "1: option: attribute \"iterations\": -1 is negative");
 }
@@ -141,16 +141,21 @@ fn losses() {
         spec.losses,
         [
             "line 1: fixed \"t\": tendons are not supported, left out",
-            "line 1: clock: sensors are not supported, left out",
-            "line 1: mesh \"m\": meshes are not supported, left out",
             "line 1: motor \"a\": transmission through a tendon is not supported, left out",
-            "line 1: geom \"v\": meshes are not supported, left out",
+            "line 1: geom \"v\": meshes are not supported, left out with its contacts",
             "line 1: pair: geom \"v\" was left out, and so is this pair",
             "line 1: key: act left out with the actuators that it belongs to",
         ]
     );
     assert_eq!((spec.actuators.len(), spec.pairs.len()), (1, 0));
     assert_eq!(spec.keys[0].ctrl, Some(vec![2.0]));
-    assert_eq!(spec.notes, ["1 cameras and 1 lights have no effect"]);
+    assert_eq!(
+        spec.notes,
+        [
+            "1 sensors are not built: there is no sensordata",
+            "1 meshes are not read",
+            "1 cameras and 1 lights have no effect",
+        ]
+    );
     rejects(&text, "1: fixed \"t\": tendons are not supported (a lenient load leaves it out)");
 }

@@ -1,0 +1,198 @@
+//! What is not built: problems of a strict load, losses of a lenient one, notes where no motion depends on it.
+
+use super::{LoadOptions, lenient, ok, parse, rejects, with_joint, world};
+use crate::Model;
+
+/// A strict load names the attribute and its line, a lenient one lists the loss.
+#[track_caller]
+fn option(text: &str, problem: &str, loss: &str) {
+    rejects(text, problem);
+    let spec = lenient(text);
+    assert_eq!(spec.losses, [loss]);
+    Model::from_spec(&spec).unwrap_or_else(|problems| panic!("{problems}"));
+}
+
+#[test]
+fn options_that_are_not_built() {
+    let with = |option: &str| format!("<mujoco>\n<option {option}/><worldbody/></mujoco>");
+    let goes = "; a lenient load goes without";
+    option(
+        &with("density='1000'"),
+        &format!("2: option: density 1000: fluid forces are not supported (remove it{goes})"),
+        "line 2: option: density 1000: fluid forces are not supported, left out",
+    );
+    option(
+        &with("viscosity='0.001' wind='1 0 0'"),
+        &format!("2: option: viscosity 0.001: fluid forces are not supported (remove it{goes})"),
+        "line 2: option: viscosity 0.001: fluid forces are not supported, left out",
+    );
+    for integrator in ["RK4", "implicit", "implicitfast", "discrete"] {
+        option(
+            &with(&format!("integrator='{integrator}'")),
+            &format!("2: option: integrator {integrator} is not supported (set integrator=\"Euler\"{goes})"),
+            &format!("line 2: option: integrator {integrator} is not supported, Euler is used instead"),
+        );
+    }
+}
+
+#[test]
+fn flags_that_are_not_built() {
+    let text = |flag: &str| format!("<mujoco><option>\n<flag {flag}='enable'/></option></mujoco>");
+    for (flag, what, instead) in [
+        ("sleep", "sleeping trees are", "all stay awake"),
+        ("diagexact", "the exact diagonal of the constraint space is", "approximated"),
+        ("ipc", "incremental potential contact is", "left out"),
+        ("speculative", "speculative contact is", "left out"),
+    ] {
+        option(
+            &text(flag),
+            &format!("2: flag: {flag}: {what} not supported (remove it; a lenient load goes without)"),
+            &format!("line 2: flag: {flag}: {what} not supported, {instead}"),
+        );
+    }
+}
+
+#[test]
+fn overrides_come_before_what_is_not_built() {
+    let with = |text: &str, name: &str, value: &str| {
+        parse(text, &LoadOptions { lenient: false, overrides: vec![(name.into(), value.into())] })
+    };
+    let written = "<mujoco><option integrator='RK4'/></mujoco>";
+    assert!(with(written, "integrator", "Euler").is_ok());
+    let problem = with("<mujoco/>", "integrator", "RK4").expect_err("not built").to_string();
+    assert_eq!(
+        problem,
+        "option: integrator RK4 is not supported (set integrator=\"Euler\"; a lenient load goes without)"
+    );
+}
+
+#[test]
+fn bad_settings_have_a_line() {
+    let problem = |text: &str| Model::from_xml_string(text, &LoadOptions::default()).expect_err("bad").to_string();
+    assert_eq!(
+        problem("<mujoco>\n<option timestep='-1'/>\n<compiler boundmass='-1'/></mujoco>"),
+        "2: option: timestep is -1 (give a positive time step)\n3: compiler: boundmass is negative: -1 (give 0 or more)"
+    );
+}
+
+#[test]
+fn attributes_of_actuators_that_are_not_built_are_named() {
+    let check = |actuator: &str, what: &str| {
+        let text = with_joint(&format!("<actuator>{actuator}</actuator>"));
+        rejects(&text, &format!("1: {what} not supported (a lenient load leaves it out)"));
+        assert_eq!(lenient(&text).losses, [format!("line 1: {what} not supported, left out")]);
+    };
+    let several = "an actuator with several inputs is";
+    check("<general joint='j' velrange='-1 1'/>", &format!("general: attribute \"velrange\": {several}"));
+    check("<general joint='j' ffrange='-1 1'/>", &format!("general: attribute \"ffrange\": {several}"));
+    check("<general joint='j' gaintype='muscle'/>", "general: gaintype \"muscle\" is");
+    check("<general joint='j' biastype='user'/>", "general: biastype \"user\" is");
+    check("<general joint='j' dyntype='filter'/>", "general: attribute \"dyntype\": an activation state is");
+    check("<position joint='j' timeconst='1'/>", "position: attribute \"timeconst\": an activation state is");
+    check("<motor joint='j' delay='.1'/>", "motor: attribute \"delay\": a delay is");
+    check(
+        "<general joint='j' input='pos vel'/>",
+        "general: attribute \"input\": an actuator with the inputs \"pos vel\" is",
+    );
+    let text = |actuator: &str| with_joint(&format!("<actuator>{actuator}</actuator>"));
+    rejects(
+        &text("<general joint='j' input='pso'/>"),
+        "1: general: attribute \"input\": \"pso\" is unknown (did you mean \"pos\"?)",
+    );
+    rejects(
+        &text("<general joint='j' actrange='0 1'/>"),
+        "1: general: attribute \"actrange\" or \"actlimited\": the actuator has no activation (remove it)",
+    );
+}
+
+#[test]
+fn sensors_are_notes() {
+    let spec = ok(&with_joint("<sensor><jointpos joint='j'/><clock/></sensor>"));
+    assert_eq!(spec.notes, ["2 sensors are not built: there is no sensordata"]);
+    assert!(spec.losses.is_empty());
+    let error = crate::outputs::Output::named("sensordata").expect_err("not built").to_string();
+    assert_eq!(error, "sensors are not built, so there is no output sensordata");
+}
+
+/// A mesh on a body, with what stands before it.
+fn mesh(compiler: &str, before: &str, geom: &str) -> String {
+    format!(
+        "<mujoco><compiler {compiler}/><asset><mesh name='m' file='m.stl'/></asset><worldbody><body>{before}\
+         <geom size='.1'/>\n<geom name='v' type='mesh' mesh='m' {geom}/></body></worldbody></mujoco>"
+    )
+}
+
+#[test]
+fn meshes_that_only_decorate_are_notes() {
+    let idle = "contype='0' conaffinity='0'";
+    let inertial = "<frame><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></frame>";
+    let massless = format!("{idle} mass='0'");
+    let grouped = format!("{idle} group='3'");
+    for text in [
+        mesh("", &format!("<joint/>{inertial}"), idle),
+        mesh("", "<joint/>", &massless),
+        mesh("", "<joint/>", &format!("{idle} density='0'")),
+        mesh("inertiagrouprange='0 2'", "<joint/>", &grouped),
+        mesh("inertiafromgeom='false'", "<joint/>", idle),
+        mesh("", "", idle),
+    ] {
+        let spec = ok(&text);
+        assert_eq!(spec.bodies[1].geoms.len(), 1);
+        assert_eq!(
+            spec.notes,
+            [
+                "1 meshes are not read",
+                "1 geom on which no motion depends is left out, as meshes are not built: line 2: geom \"v\": the first",
+            ]
+        );
+    }
+}
+
+#[test]
+fn a_mesh_left_out_says_what_it_takes_with_it() {
+    let check = |text: &str, with: &str| {
+        rejects(text, &format!("2: geom \"v\": meshes are not supported (a lenient load leaves it out {with})"));
+        assert_eq!(lenient(text).losses, [format!("line 2: geom \"v\": meshes are not supported, left out {with}")]);
+    };
+    let idle = "contype='0' conaffinity='0'";
+    check(&mesh("", "<joint/>", ""), "with its contacts and its mass");
+    check(&mesh("", "<joint/>", "mass='0'"), "with its contacts");
+    check(&mesh("", "<joint/>", idle), "with its mass");
+    check(&mesh("", "", ""), "with its contacts");
+    check(&mesh("settotalmass='1'", "", idle), "with its mass");
+    check(
+        &mesh("inertiafromgeom='true'", "<joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>", idle),
+        "with its mass",
+    );
+}
+
+#[test]
+fn sentences_are_capped() {
+    let spec = lenient(&world(&"<geom type='mesh' mesh='m'/>".repeat(1500)));
+    assert_eq!((spec.losses.len(), spec.losses[1000].as_str()), (1001, "500 more are not listed"));
+}
+
+/// What MuJoCo 4.0.0 writes for `<position>`, `<velocity>` and a class of servos.
+#[test]
+fn saved_actuators_are_read() {
+    let gains = |sections: &str| {
+        let spec = ok(&with_joint(sections));
+        let a = &spec.actuators[0];
+        (a.gainprm, a.biasprm, a.dampratio)
+    };
+    let saved = "<general joint='j' input='pos' biastype='affine' gainprm='20' biasprm='0 -20 -0.5'/>";
+    assert_eq!(
+        gains(&format!("<actuator>{saved}</actuator>")),
+        gains("<actuator><position joint='j' kp='20' kv='0.5'/></actuator>")
+    );
+    let saved = "<general joint='j' input='vel' biastype='affine' gainprm='1.5' biasprm='0 0 -1.5'/>";
+    assert_eq!(
+        gains(&format!("<actuator>{saved}</actuator>")),
+        gains("<actuator><velocity joint='j' kv='1.5'/></actuator>")
+    );
+    let class = "<default><default class='servo'><general input='pos' biastype='affine' gainprm='6' \
+        biasprm='0 -6 -0.3'/></default></default>";
+    let reset = "<general class='servo' joint='j' input='' biastype='none' gainprm='1' biasprm='0 0 0'/>";
+    let motor = ([1.0, 0.0, 0.0], [0.0; 3], 0.0);
+    assert_eq!(gains(&format!("{class}<actuator>{reset}</actuator>")), motor);
+}
