@@ -1,6 +1,7 @@
 //! What happened to a world, and to which of its elements: the part of a step that runs only when something is wrong.
 
 use crate::lane::{LaneQuery, Mask, Real};
+use crate::math::ldl;
 use crate::math::vec3::dot;
 use crate::model::{JointKind, Model};
 use crate::state::{BlockStatus, State, Status};
@@ -94,10 +95,13 @@ pub fn element<L: LaneQuery>(
         Status::BAD_CTRL => first(&state.ctrl, &|x| !x.within(L::Real::MAXVAL)).map(|u| Element::Actuator(u as u32)),
         Status::QUAT_ZERO | Status::QUAT_FAR => Some(quaternion_element(model, state, status, lane)),
         Status::SINGULAR_INERTIA => {
-            // A pivot below MINVAL was replaced by it.
-            let clamped = L::one() / L::of(L::Real::MINVAL);
+            // Too small a pivot was replaced by the least.
+            let clamped = |i: usize| {
+                let diagonal = ws.inertia.m.get(model.rows.diagonal(i)).copied().unwrap_or(L::zero());
+                L::one() / ldl::least_pivot(if model.features.articulated { L::zero() } else { diagonal })
+            };
             let pivots = &ws.acceleration.inverse;
-            dof(pivots.iter().rposition(|x| holds(x.ge(clamped))))
+            dof((0..pivots.len()).rev().find(|i| holds(pivots[*i].ge(clamped(*i)))))
         }
         Status::CONTACT_OVERFLOW => {
             let collision = &ws.collision;

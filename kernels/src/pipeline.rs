@@ -16,8 +16,8 @@ use crate::state::{Applied, BlockStatus, State, Status};
 use crate::velocity::Velocity;
 use crate::workspace::Workspace;
 use crate::{
-    acceleration, actuation, collision, constraint, diagnosis, energy, inertia, integration, passive, position, solver,
-    velocity,
+    acceleration, actuation, collision, constraint, diagnosis, double, energy, inertia, integration, passive, position,
+    solver, velocity,
 };
 
 /// How the caller wants a block to be run.
@@ -98,8 +98,15 @@ pub fn forward<L: LaneQuery>(
         end(Stage::Constraint);
     }
     if runs(Stage::Solver) {
-        let unfinished = solve(instance, state, alive, (run.residual, run.keep), run.code, ws);
-        status.record(Status::NOT_CONVERGED, L::bits(unfinished & alive));
+        let stiff = double::lanes(&ws.constraint) & alive;
+        let unfinished = solve(instance, state, alive & !stiff, (run.residual, run.keep), run.code, ws);
+        let (mut left, stiff) = (L::bits(unfinished & alive), L::bits(stiff));
+        if stiff != 0 {
+            let Run { applied, varied, max_contacts, convex, keep, .. } = *run;
+            left |=
+                double::forward(model, state, double::Given { applied, varied, max_contacts, convex, keep }, stiff, ws);
+        }
+        status.record(Status::NOT_CONVERGED, left);
         end(Stage::Solver);
     }
 }

@@ -187,7 +187,7 @@ impl<T> Model<T> {
     }
 }
 
-impl<U: Real> Cast<U> for Model<f64> {
+impl<T: Real, U: Real> Cast<U> for Model<T> {
     type Out = Model<U>;
     fn cast(&self) -> Model<U> {
         Model {
