@@ -553,7 +553,8 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         let size = group::size(tables, bytes, rollout.nstep);
         let steps = rollout.nstep as f64;
         let pace = steps * self.crew.paces.step.get();
-        let spent = self.each(size, pace, rows, rollout.cancel, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
+        let spent = self
+            .each(size, pace, rows, rollout.cancel, |crew, job, worker| crew.run_group(rollout, &plan, job, worker));
         if rollout.nstep > 0 && !rollout.cancelled() {
             self.crew.paces.step.note(spent / steps);
         }

@@ -2,6 +2,7 @@
 
 use crate::acceleration::wild;
 use crate::lane::{LaneQuery, Mask, Real};
+use crate::math::ldl;
 use crate::math::vec3::dot;
 use crate::model::{JointKind, Model};
 use crate::state::{Applied, BlockStatus, State, Status};
@@ -118,10 +119,13 @@ pub fn element<L: LaneQuery>(
         Status::HUGE_VALUE => dof(first(&next.qvel, &huge)).or_else(|| joint_of(first(&next.qpos, &huge))),
         Status::BAD_CTRL => first(&state.ctrl, &huge).map(|u| Element::Actuator(u as u32)),
         Status::SINGULAR_INERTIA => {
-            // A pivot below MINVAL was replaced by it.
-            let clamped = L::one() / L::of(L::Real::MINVAL);
+            // Too small a pivot was replaced by the least.
+            let clamped = |i: usize| {
+                let diagonal = ws.inertia.m.get(model.rows.diagonal(i)).copied().unwrap_or(L::zero());
+                L::one() / ldl::least_pivot(if model.features.articulated { L::zero() } else { diagonal })
+            };
             let pivots = &ws.acceleration.inverse;
-            dof(pivots.iter().rposition(|x| holds(x.ge(clamped))))
+            dof((0..pivots.len()).rev().find(|i| holds(pivots[*i].ge(clamped(*i)))))
         }
         Status::CONTACT_OVERFLOW => {
             let collision = &ws.collision;

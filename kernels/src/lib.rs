@@ -9,6 +9,7 @@ pub mod code;
 pub mod collision;
 pub mod constraint;
 pub mod diagnosis;
+pub mod double;
 pub mod energy;
 pub mod fields;
 pub mod inertia;

@@ -16,8 +16,8 @@ use crate::state::{Applied, BlockStatus, State, Status};
 use crate::velocity::Velocity;
 use crate::workspace::Workspace;
 use crate::{
-    acceleration, actuation, collision, constraint, diagnosis, energy, inertia, integration, passive, position, solver,
-    velocity,
+    acceleration, actuation, collision, constraint, diagnosis, double, energy, inertia, integration, passive, position,
+    solver, velocity,
 };
 
 /// How the caller wants a block to be run.
@@ -109,8 +109,15 @@ pub fn forward<L: LaneQuery>(
     let mut solved = Solved { lanes: status.alive & !findings.wild, unfinished: 0 };
     if runs(Stage::Solver) {
         let tame = L::mask_of(solved.lanes);
-        let unfinished = solve(instance, state, tame, (run.residual, run.keep), run.code, ws);
+        let stiff = double::lanes(&ws.constraint) & tame;
+        let unfinished = solve(instance, state, tame & !stiff, (run.residual, run.keep), run.code, ws);
         solved.unfinished = L::bits(unfinished & tame);
+        let stiff = L::bits(stiff);
+        if stiff != 0 {
+            let Run { applied, varied, max_contacts, convex, keep, .. } = *run;
+            let given = double::Given { applied, varied, max_contacts, convex, keep };
+            solved.unfinished |= double::forward(model, state, given, stiff, ws);
+        }
         end(Stage::Solver);
     }
     solved

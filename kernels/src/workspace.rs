@@ -4,6 +4,7 @@ use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::collision::Collision;
 use crate::constraint::Constraint;
+use crate::double::Double;
 use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::Integration;
@@ -31,6 +32,8 @@ pub struct Workspace<L> {
     pub solver: SolverWork<L>,
     pub integration: Integration<L>,
     pub energy: Energy<L>,
+    /// For worlds that need double precision; there once one did.
+    pub double: Option<Box<Double>>,
 }
 
 impl<L> Workspace<L> {
@@ -60,6 +63,7 @@ impl<L: LaneQuery> Workspace<L> {
             solver: SolverWork::new(model),
             integration: Integration::new(&of(Stage::Integration)),
             energy: Energy::new(sizes),
+            double: None,
         }
     }
 

@@ -4,7 +4,6 @@ use lanesim_kernels::collision::{origin, reference};
 use lanesim_kernels::constraint::{Cone, ContactRow, DofLaw, DofRowKind, Law};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{NONE, Sides};
-use lanesim_kernels::options::Solver;
 
 use super::{Kind, View, number};
 
@@ -119,7 +118,7 @@ fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact],
     let mut edge = 0;
     for row in &constraint.contact_rows {
         let first_edge = edge;
-        edge += if row.cone == Cone::Pyramid { 2 * (row.dim as usize - 1) } else { 0 };
+        edge += row.edges();
         if constraint.law(row).d().get(lane).to_f64() > 0.0 {
             let Some(n) = contacts.iter().position(|c| c.index == row.contact as usize) else { continue };
             contacts[n].row = Some(out.len());
@@ -164,20 +163,13 @@ fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, law: DofLaw<'_, L>, fo
 
 /// Forces of a contact's rows. The first edge of a pyramid is `first_edge` among the block's.
 fn contact_forces<L: LaneQuery>(view: &View<'_, L>, lane: usize, row: &ContactRow, first_edge: usize) -> Vec<f64> {
-    let range = row.component as usize..(row.component + row.dim) as usize;
     let work = &view.workspace.solver;
     let read = |lanes: &[L]| lanes.iter().map(|x| number(x, lane)).collect::<Vec<f64>>();
-    if row.cone != Cone::Pyramid {
-        return read(&work.force.component[range]);
+    if row.cone == Cone::Pyramid {
+        read(&work.edge_force[first_edge..first_edge + row.edges()])
+    } else {
+        read(&work.force.component[row.components()])
     }
-    // Solvers of the dual problem work on the edges' forces themselves; of the others these follow from y.
-    let options = &view.tables.options;
-    if options.solver == Solver::Pgs || options.noslip_iterations > 0 {
-        return read(&work.edge_force[first_edge..first_edge + row.rows() as usize]);
-    }
-    let law = view.workspace.constraint.law(row);
-    let (d, y) = (number(&law.d(), lane), read(&work.y.component[range]));
-    signed_friction(law, row.dim, lane).map(|(j, mu)| (-d * mu.mul_add(y[j], y[0])).max(0.0)).collect()
 }
 
 /// Component and signed friction of every edge of a pyramid.

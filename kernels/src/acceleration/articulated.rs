@@ -34,7 +34,7 @@ pub fn pays<T>(model: &Model<T>) -> bool {
 }
 
 /// Turns the forces `x` into the accelerations (M + diagonal)⁻¹ x, M without armature. `own` are the links' spatial inertias. Pivots D
-/// below `MINVAL` are replaced by it and reported in the returned mask.
+/// below `TINY` are replaced by it and reported in the returned mask.
 pub fn solve<L: Lane>(
     model: &Model<L::Real>,
     cdof: &[Spatial<L>],
@@ -44,7 +44,7 @@ pub fn solve<L: Lane>(
     x: &mut [L],
 ) -> L::Mask {
     let Scratch { body, force, column, inverse } = scratch;
-    let tiny = L::of(L::Real::MINVAL);
+    let tiny = L::of(L::Real::TINY);
     let mut singular = L::Mask::splat(false);
     for ((body, force), own) in body.iter_mut().zip(force.iter_mut()).zip(own) {
         (*body, *force) = (expanded(own), zero());

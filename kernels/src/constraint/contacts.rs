@@ -308,7 +308,7 @@ fn regularise<L: Lane>(grip: &Grip<L>, contact: Contact<'_, L>, speeds: &[L; 6],
     for (reference, speed) in out.reference.iter_mut().zip(speeds).skip(1) {
         *reference = b * *speed;
     }
-    let mu = friction[0] * L::of((1.0 / grip.impratio).sqrt());
+    let mu = if grip.cone == Cone::Pyramid { d * *weight } else { friction[0] * L::of((1.0 / grip.impratio).sqrt()) };
     let [f1, f2, f3, f4, f5] = *friction;
     *out.strength = [L::select(contact.dist().lt(grip.margin), d, L::zero()), mu, f1, f2, f3, f4, f5];
 }

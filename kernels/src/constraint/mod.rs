@@ -133,8 +133,8 @@ pub struct ContactRow {
 }
 
 /// What decides a contact's force: D of the normal row, and of every row of a pyramid, which is 0 in worlds where the
-/// contact does not act; the regularised friction coefficient μ̂ of an elliptic cone; friction of components 1 to 5. An
-/// array, which generated code can read.
+/// contact does not act; the regularised friction coefficient μ̂ of an elliptic cone, or D of a pyramid's row over the inertia
+/// that the contact meets; friction of components 1 to 5. An array, which generated code can read.
 pub type Strength<L> = [L; 7];
 
 /// The law of a contact's force.
@@ -156,6 +156,12 @@ impl<L: Copy> Law<'_, L> {
     /// Regularised friction coefficient μ̂ of an elliptic cone.
     #[inline(always)]
     pub fn mu(&self) -> L {
+        self.strength[1]
+    }
+
+    /// D of a pyramid's row over the inertia that it meets: how much stiffer than heavy the contact is.
+    #[inline(always)]
+    pub fn swamping(&self) -> L {
         self.strength[1]
     }
 
@@ -188,6 +194,12 @@ impl ContactRow {
     #[inline(always)]
     pub fn components(&self) -> std::ops::Range<usize> {
         self.component as usize..(self.component + self.dim) as usize
+    }
+
+    /// Number of edges of its pyramid, if it has one.
+    #[inline(always)]
+    pub fn edges(&self) -> usize {
+        if self.cone == Cone::Pyramid { 2 * (self.dim as usize - 1) } else { 0 }
     }
 
     /// Number of constraint rows that the contact counts as.

@@ -19,8 +19,13 @@ use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub
 
 /// The number type of a lane's entries: `f64` or `f32`.
 pub trait Real: Copy + Debug + Default + PartialOrd + Send + Sync + 'static {
-    /// Norms and pivots below this count as zero.
+    /// Norms below this count as zero.
     const MINVAL: f64;
+    /// Pivots and curvatures below this are not divided by: in double precision the reference's, which is absolute, in single
+    /// precision near the least number, so that bodies may be as small as in double precision.
+    const TINY: f64;
+    /// Pivots below this part of the diagonal that they are left of are rounding; 0: the reference has no such bound.
+    const PIVOT_ROUNDING: f64;
     /// States above this are huge: the world is frozen.
     const MAXVAL: f64;
     /// Smallest friction coefficient.
@@ -42,6 +47,8 @@ pub trait Real: Copy + Debug + Default + PartialOrd + Send + Sync + 'static {
 
 impl Real for f64 {
     const MINVAL: f64 = 1e-15;
+    const TINY: f64 = 1e-15;
+    const PIVOT_ROUNDING: f64 = 0.0;
     const MAXVAL: f64 = 1e10;
     const MINMU: f64 = 1e-5;
     const NAME: &'static str = "f64";
@@ -63,8 +70,10 @@ impl Real for f64 {
 
 impl Real for f32 {
     const MINVAL: f64 = 1e-12;
+    const TINY: f64 = 1e-30;
+    const PIVOT_ROUNDING: f64 = f32::EPSILON as f64;
     const MAXVAL: f64 = 1e7;
-    const MINMU: f64 = 1e-4;
+    const MINMU: f64 = 1e-5;
     const NAME: &'static str = "f32";
     const EPSILON: f64 = f32::EPSILON as f64;
     const MAX: f64 = f32::MAX as f64;

@@ -15,8 +15,16 @@ use crate::model::{Pattern, Rows};
 /// Columns that are updated together.
 const COLUMNS: usize = 4;
 
-/// Factors `m` in place into U = D L, and sets `inverse` = D⁻¹. Pivots below `MINVAL` are replaced by it and reported in
-/// the returned mask. `multipliers` is scratch of length nv.
+/// The least pivot of a row with this diagonal entry: smaller ones are rounding, or zero.
+#[inline(always)]
+pub fn least_pivot<L: Lane>(diagonal: L) -> L {
+    let tiny = L::of(L::Real::TINY);
+    let rounding = L::Real::PIVOT_ROUNDING;
+    if rounding > 0.0 { (diagonal * L::of(rounding)).max(tiny) } else { tiny }
+}
+
+/// Factors `m` in place into U = D L, and sets `inverse` = D⁻¹. Pivots below the [least](least_pivot) are replaced by it and
+/// reported in the returned mask. `multipliers` is scratch of length nv.
 ///
 /// The pattern must be closed under elimination: if row k has columns i > j, row i has column j.
 pub fn factor<L: Lane>(
@@ -26,13 +34,13 @@ pub fn factor<L: Lane>(
     inverse: &mut [L],
     multipliers: &mut [L],
 ) -> L::Mask {
-    let tiny = L::of(L::Real::MINVAL);
     let mut singular = L::Mask::splat(false);
     for i in (0..inverse.len()).rev() {
         let (start, first) = (rows.start[i] as usize, rows.first[i] as usize);
         let offset = start + i - first + 1;
         let (head, finished) = m.split_at_mut(offset);
         let row = &mut head[start..];
+        let least = least_pivot(row[i - first]);
         let below = pattern.column(i);
         let multipliers = &mut multipliers[..below.len()];
         for (l, k) in multipliers.iter_mut().zip(below) {
@@ -56,8 +64,8 @@ pub fn factor<L: Lane>(
             update.columns(row, first, i..i + 1);
         }
         let pivot = row[i - first];
-        let bad = !pivot.ge(tiny);
-        let pivot = L::select(bad, tiny, pivot);
+        let bad = !pivot.ge(least);
+        let pivot = L::select(bad, least, pivot);
         singular = singular | bad;
         row[i - first] = pivot;
         inverse[i] = L::one() / pivot;

@@ -10,10 +10,10 @@ pub trait Cast<U> {
     fn cast(&self) -> Self::Out;
 }
 
-impl<U: Real> Cast<U> for f64 {
+impl<T: Real, U: Real> Cast<U> for T {
     type Out = U;
     fn cast(&self) -> U {
-        U::from_f64(*self)
+        U::from_f64(self.to_f64())
     }
 }
 
@@ -61,7 +61,7 @@ macro_rules! table {
             $($(#[$pdoc])* pub $plain: $ptype,)*
             $($(#[$rdoc])* pub $real: $rtype,)*
         }
-        impl<U: Real> Cast<U> for $name<f64> {
+        impl<$t: Real, U: Real> Cast<U> for $name<$t> {
             type Out = $name<U>;
             fn cast(&self) -> $name<U> {
                 $name { $($plain: self.$plain.clone(),)* $($real: self.$real.cast(),)* }

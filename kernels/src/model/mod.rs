@@ -122,7 +122,7 @@ pub struct Blur<T> {
     pub length: T,
 }
 
-impl<U: Real> Cast<U> for Blur<f64> {
+impl<T: Real, U: Real> Cast<U> for Blur<T> {
     type Out = Blur<U>;
     fn cast(&self) -> Blur<U> {
         Blur { ulps: self.ulps.cast(), length: self.length.cast() }
@@ -206,7 +206,7 @@ impl<T> Model<T> {
     }
 }
 
-impl<U: Real> Cast<U> for Model<f64> {
+impl<T: Real, U: Real> Cast<U> for Model<T> {
     type Out = Model<U>;
     fn cast(&self) -> Model<U> {
         Model {

@@ -34,7 +34,7 @@ fn beta<L: Lane>(gradient: &[L], scaled: &[L], search: &[L], last_gradient: &[L]
         pp = p.mul_add(p, pp);
         gg = g.mul_add(g, gg);
     }
-    let vanishes = py.lt(L::of(L::Real::MINVAL));
+    let vanishes = py.lt(L::of(L::Real::TINY));
     let inverse = L::one() / L::select(vanishes, L::one(), py);
     let beta = (L::of(2.0) * y_my * inverse).neg_mul_add(pg, y_scaled) * inverse;
     let eta = -(L::one() / (pp.sqrt() * gg.sqrt().min(L::of(0.01))));

@@ -104,7 +104,8 @@ pub fn product<L: Lane>(a: &[L], b: &[L]) -> L {
     sum
 }
 
-fn add_scaled<L: Lane>(z: &mut [L], b: &[L], factor: L) {
+/// z += b · factor
+pub(super) fn add_scaled<L: Lane>(z: &mut [L], b: &[L], factor: L) {
     for (z, b) in z.iter_mut().zip(b) {
         *z = b.mul_add(factor, *z);
     }

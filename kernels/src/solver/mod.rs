@@ -4,6 +4,7 @@
 //! Drivers iterate until every world of the block has converged; a world that has is frozen by a mask, so its bits do not
 //! depend on how long its neighbours take.
 
+mod anderson;
 mod cg;
 mod cone;
 pub mod contact;
@@ -155,10 +156,12 @@ pub struct SolverWork<L> {
     pub spare: RowVector<L>,
     /// What is known along p.
     pub line: Line<L>,
-    /// Force of each edge of the pyramidal contacts, contact by contact (dual solvers and the no-slip pass).
+    /// Force of each edge of the pyramidal contacts, contact by contact (of primal solvers if anyone wants to know).
     pub edge_force: Vec<L>,
     /// Inverse inertia in row space (dual solvers and the no-slip pass).
     pub dual: dual::Dual<L>,
+    /// What the last sweeps of projected Gauss-Seidel did.
+    pub past: anderson::Anderson<L>,
     /// Pattern of the Hessian when contacts join branches.
     pub fill: Fill,
     /// Links with contacts in the block, or carrying such links.
@@ -186,8 +189,13 @@ impl<L: Lane> SolverWork<L> {
             force: RowVector::with_capacity(dof, component),
             spare: RowVector::with_capacity(dof, component),
             line: Line::new(),
-            edge_force: Vec::with_capacity(if dual::needed(model) { 2 * component } else { 0 }),
+            edge_force: Vec::with_capacity(2 * component),
             dual: dual::Dual::new(model, dof, component),
+            past: if model.options.solver == options::Solver::Pgs {
+                anderson::Anderson::with_capacity(dof + 2 * component + model.sizes.nv)
+            } else {
+                anderson::Anderson::new()
+            },
             fill: Fill::new(model),
             touched: vec![false; model.sizes.nlink],
             statistics: Statistics::none(),
@@ -223,7 +231,11 @@ pub fn solve<L: LaneQuery>(
     let left = match options.solver {
         options::Solver::Newton | options::Solver::Cg => {
             let rows = keep || options.noslip_iterations > 0;
-            primal::solve(problem, warmstart, alive & constrained, rows, code, work)
+            let left = primal::solve(problem, warmstart, alive & constrained, rows, code, work);
+            if rows {
+                pgs::edge_forces(problem.constraint, work);
+            }
+            left
         }
         options::Solver::Pgs => pgs::solve(problem, warmstart, alive & constrained, work),
     };

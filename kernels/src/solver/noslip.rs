@@ -11,7 +11,6 @@ use crate::options;
 pub fn solve<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
     let model = problem.model;
     if model.options.solver != options::Solver::Pgs {
-        pgs::edge_forces(problem.constraint, work);
         dual::prepare(problem, work);
     }
     let scale = L::one() / (problem.mean_inertia * L::of((model.sizes.nv as f64).max(1.0)));

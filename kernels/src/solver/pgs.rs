@@ -2,8 +2,9 @@
 //! contact in a fixed order.
 //!
 //! Limits and pyramid edges are scalar rows. An elliptic contact moves along the ray through its force, then its friction
-//! is minimised with the normal force fixed.
+//! is minimised with the normal force fixed. Between sweeps, forces move on to where the last sweeps say together.
 
+use super::anderson::Anderson;
 use super::{Problem, SolverWork, dual, joints, qcqp, rows};
 use crate::constraint::{Cone, DofLaw, DofRowKind, Law};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
@@ -25,12 +26,17 @@ pub fn solve<L: LaneQuery>(
     let mut open = open;
     let mut niter = L::zero();
     let mut rounds = 0;
+    let mut past = std::mem::replace(&mut work.past, Anderson::new());
+    past.begin(problem, work);
     while L::any(open) && rounds < model.options.iterations {
         rounds += 1;
         niter += L::select(open, L::one(), L::zero());
+        past.before(problem.constraint, work);
         let improvement = sweep(problem, open, work);
         open = open & !(improvement * scale).lt(tolerance);
+        past.accelerate(problem, open, work);
     }
+    work.past = past;
     work.statistics.niter = niter;
     work.statistics.block_niter = rounds;
     dual::finish(problem, work);
@@ -112,7 +118,7 @@ fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork
 
 /// 1/D where the row acts, else 1.
 #[inline(always)]
-fn regulariser<L: Lane>(d: L) -> L {
+pub(super) fn regulariser<L: Lane>(d: L) -> L {
     L::one() / L::select(d.gt(L::zero()), d, L::one())
 }
 
@@ -233,7 +239,7 @@ fn along_ray<L: Lane>(
     af: &[L; 6],
     gradient: &[L; 6],
 ) -> [L; 6] {
-    let (zero, one, tiny) = (L::zero(), L::one(), L::of(L::Real::MINVAL));
+    let (zero, one, tiny) = (L::zero(), L::one(), L::of(L::Real::TINY));
     let vanishing = old[0].lt(tiny);
     let mut slip = zero;
     for i in 1..n {

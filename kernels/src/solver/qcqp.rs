@@ -12,7 +12,7 @@ pub fn minimise<L: Lane>(n: usize, q: &[[L; 5]; 5], c: &[L; 5], r: L) -> [L; 5] 
     let free = solve(n, q, L::zero(), &c.map(|x| -x));
     let outside = norm(n, &free).gt(r);
     let (mut u, mut lambda) = (free, L::zero());
-    let tiny = L::of(L::Real::MINVAL);
+    let tiny = L::of(L::Real::TINY);
     let usable = outside & r.gt(tiny);
     for _ in 0..STEPS {
         let length = norm(n, &u).max(tiny);
@@ -42,7 +42,7 @@ fn norm<L: Lane>(n: usize, u: &[L; 5]) -> L {
 /// (Q + λ)⁻¹ b by LDLᵀ.
 fn solve<L: Lane>(n: usize, q: &[[L; 5]; 5], lambda: L, b: &[L; 5]) -> [L; 5] {
     let zero = L::zero();
-    let tiny = L::of(L::Real::MINVAL);
+    let tiny = L::of(L::Real::TINY);
     let (mut l, mut d, mut x) = ([[zero; 5]; 5], [zero; 5], [zero; 5]);
     for i in 0..n {
         for j in 0..i {

@@ -1,0 +1,206 @@
+//! Worlds whose contacts are so stiff that single precision would lose the inertia beside them: double precision finds their
+//! acceleration.
+//!
+//! A row of a pyramid has D ~ 1/μ². Where that is many thousand times the inertia that it meets, as for low friction or an
+//! impedance near 1, rounding of JᵀDJ exceeds M, forces D y come from what is left of y after nearly all of it has cancelled, and
+//! where several contacts hold one body, their rounded Jacobians contradict each other by more than R lets pass. No order of
+//! operations brings back digits that y and J do not have. So such worlds are gathered from their block, whoever their neighbours
+//! are, and the same kernels evaluate them from the state on, with twice the digits.
+
+use ::wide::f64x8;
+
+use crate::code::Kernels;
+use crate::collision::ConvexCollider;
+use crate::constraint::{Cone, Constraint, ContactRow};
+use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::model::{Cast, Model, Varied};
+use crate::pipeline::{self, Run, Stage, Stages};
+use crate::solver::SolverWork;
+use crate::state::{Applied, BlockStatus, State};
+use crate::workspace::Workspace;
+
+/// Largest ratio of a pyramid row's D to the inertia that it meets which single precision bears: errors of an acceleration reach
+/// 1e-4 of it at a few times as much.
+const BEARABLE: f64 = 4000.0;
+
+/// Worlds that are evaluated together.
+const WIDTH: usize = <f64x8 as LaneQuery>::WIDTH;
+
+/// Worlds gathered from a block.
+#[derive(Clone, Debug)]
+pub struct Double {
+    model: Model<f64>,
+    state: State<f64x8>,
+    applied: Option<Applied<f64x8>>,
+    varied: Option<Varied<f64x8>>,
+    workspace: Workspace<f64x8>,
+}
+
+/// What an evaluation reads beside model and state.
+#[derive(Clone, Copy)]
+pub struct Given<'a, L> {
+    /// Forces from outside, if there are any.
+    pub applied: Option<&'a Applied<L>>,
+    /// Numbers of the model that vary from world to world, if any do.
+    pub varied: Option<&'a Varied<L>>,
+    /// Largest number of contacts of a world.
+    pub max_contacts: usize,
+    /// Collider of the convex pairs without a formula.
+    pub convex: &'a dyn ConvexCollider,
+    /// Whether somebody reads what rows do.
+    pub keep: bool,
+}
+
+/// Worlds of a block in which a contact is stiffer than single precision bears.
+pub fn lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
+    let mut found = L::Mask::splat(false);
+    if L::Real::EPSILON < 1e-10 {
+        return found;
+    }
+    for row in constraint.contact_rows.iter().filter(|row| row.cone == Cone::Pyramid) {
+        let law = constraint.law(row);
+        found = found | (law.d().gt(L::zero()) & law.swamping().gt(L::of(BEARABLE)));
+    }
+    found
+}
+
+/// Finds smooth and constrained accelerations and forces of the worlds of `open`, and what rows do where that is asked for.
+/// Returns the worlds whose solver reached the limit of iterations.
+pub fn forward<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &State<L>,
+    given: Given<'_, L>,
+    open: u32,
+    ws: &mut Workspace<L>,
+) -> u32 {
+    let mut double = ws.double.take().unwrap_or_else(|| Box::new(Double::new(model)));
+    let mut lanes = (0..L::WIDTH).filter(|lane| open >> lane & 1 != 0);
+    let mut left = 0;
+    while let Some(first) = lanes.next() {
+        let (mut group, mut len) = ([first; WIDTH], 1);
+        for (place, lane) in group[1..].iter_mut().zip(&mut lanes) {
+            *place = lane;
+            len += 1;
+        }
+        double.gather(state, given, &group);
+        left |= double.forward(given, &group[..len]);
+        double.scatter(&group[..len], ws);
+        if given.keep {
+            double.scatter_rows(&group[..len], ws);
+        }
+    }
+    ws.double = Some(double);
+    left
+}
+
+impl Double {
+    /// Room for worlds of the model. Asked for when it is first needed: most models never do.
+    fn new<T: Real>(model: &Model<T>) -> Self {
+        let model: Model<f64> = model.cast();
+        let (state, workspace) = (State::new(&model.sizes), Workspace::new(&model));
+        Double { state, applied: None, varied: None, workspace, model }
+    }
+
+    /// Takes over what the worlds of `group` are evaluated from.
+    fn gather<L: LaneQuery>(&mut self, state: &State<L>, given: Given<'_, L>, group: &[usize; WIDTH]) {
+        let widen = |from: &[L], to: &mut [f64x8]| widen(group, from, to);
+        let (own, sizes) = (&mut self.state, &self.model.sizes);
+        widen(&state.time, &mut own.time);
+        widen(&state.qpos, &mut own.qpos);
+        widen(&state.qvel, &mut own.qvel);
+        widen(&state.act, &mut own.act);
+        widen(&state.ctrl, &mut own.ctrl);
+        widen(&state.qacc_warmstart, &mut own.qacc_warmstart);
+        if let Some(applied) = given.applied {
+            let own = self.applied.get_or_insert_with(|| Applied::new(sizes));
+            widen(&applied.qfrc_applied, &mut own.qfrc_applied);
+            widen(applied.xfrc_applied.as_flattened(), own.xfrc_applied.as_flattened_mut());
+        }
+        if let Some(varied) = given.varied {
+            let own = self.varied.get_or_insert_with(|| Varied::new(&self.model, varied.set()));
+            for quantity in varied.set().iter() {
+                widen(varied.lanes(quantity), own.lanes_mut(quantity));
+            }
+        }
+    }
+
+    /// Evaluates the worlds of `group`; returns those whose solver reached the limit of iterations.
+    fn forward<L>(&mut self, given: Given<'_, L>, group: &[usize]) -> u32 {
+        let Double { model, state, applied, varied, workspace } = self;
+        let Given { max_contacts, convex, keep, .. } = given;
+        let mut run = Run {
+            applied: applied.as_ref().filter(|_| given.applied.is_some()),
+            varied: varied.as_ref().filter(|_| given.varied.is_some()),
+            clock: None,
+            max_contacts,
+            convex,
+            stages: Stages::up_to(Stage::Solver),
+            residual: true,
+            code: &mut Kernels,
+            keep,
+        };
+        let mut status = BlockStatus { alive: (1 << group.len()) - 1, ..BlockStatus::default() };
+        let unfinished = pipeline::forward(model, state, &mut run, &mut status, workspace).unfinished;
+        group.iter().enumerate().fold(0, |bits, (place, lane)| bits | (unfinished >> place & 1) << lane)
+    }
+
+    /// Hands out what was found.
+    fn scatter<L: LaneQuery>(&self, group: &[usize], to: &mut Workspace<L>) {
+        let narrow = |from: &[f64x8], to: &mut [L]| narrow(group, from, to);
+        let own = &self.workspace;
+        narrow(&own.acceleration.qfrc_smooth, &mut to.acceleration.qfrc_smooth);
+        narrow(&own.acceleration.qacc_smooth, &mut to.acceleration.qacc_smooth);
+        narrow(&own.solver.fields.qacc, &mut to.solver.fields.qacc);
+        narrow(&own.solver.fields.qfrc_constraint, &mut to.solver.fields.qfrc_constraint);
+        let (own, to) = (&own.solver.statistics, &mut to.solver.statistics);
+        narrow(&[own.niter], std::slice::from_mut(&mut to.niter));
+        narrow(&[own.residual], std::slice::from_mut(&mut to.residual));
+        to.block_niter = to.block_niter.max(own.block_niter);
+    }
+
+    /// Hands out what rows do. The lists may differ by rows that only just act: these have no force here, or none there.
+    fn scatter_rows<L: LaneQuery>(&self, group: &[usize], to: &mut Workspace<L>) {
+        let narrow = |from: &[f64x8], to: &mut [L]| narrow(group, from, to);
+        let (own, zero) = (&self.workspace, [f64x8::zero(); 10]);
+        for (row, force) in to.constraint.dof_rows.iter().zip(&mut to.solver.force.dof) {
+            let place = own.constraint.dof_rows.iter().position(|own| own == row);
+            let from = place.map_or(&zero[0], |place| &own.solver.force.dof[place]);
+            narrow(std::slice::from_ref(from), std::slice::from_mut(force));
+        }
+        let key = |slot: &crate::collision::Slot| (slot.pair, slot.point);
+        let mut at = 0;
+        for row in &to.constraint.contact_rows {
+            let slot = key(&to.collision.slots[row.contact as usize]);
+            let of_slot = |own_row: &&ContactRow| key(&own.collision.slots[own_row.contact as usize]) == slot;
+            let found = own.constraint.contact_rows.iter().find(of_slot);
+            let forces = found.map_or(&zero[..], |found| &own.solver.force.component[found.components()]);
+            narrow(forces, &mut to.solver.force.component[row.components()]);
+            let edges = found.map_or(&zero[..], |found| edges_of(own, found));
+            narrow(edges, &mut to.solver.edge_force[at..at + row.edges()]);
+            at += row.edges();
+        }
+    }
+}
+
+/// The edge forces of a contact.
+fn edges_of<'a>(ws: &'a Workspace<f64x8>, row: &ContactRow) -> &'a [f64x8] {
+    let before = ws.constraint.contact_rows.iter().take_while(|other| other.contact != row.contact);
+    let SolverWork { edge_force, .. } = &ws.solver;
+    &edge_force[before.map(ContactRow::edges).sum()..][..row.edges()]
+}
+
+/// The numbers of the worlds of `group`, side by side.
+fn widen<L: LaneQuery>(group: &[usize; WIDTH], from: &[L], to: &mut [f64x8]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = f64x8::from(group.map(|lane| from.get(lane).to_f64()));
+    }
+}
+
+/// Puts numbers back to the worlds of `group`.
+fn narrow<L: LaneQuery>(group: &[usize], from: &[f64x8], to: &mut [L]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        for (place, lane) in group.iter().enumerate() {
+            to.set(*lane, L::Real::from_f64(from.get(place)));
+        }
+    }
+}

@@ -1,0 +1,336 @@
+//! Acceleration of sweeps (Anderson, Iterative procedures for nonlinear integral equations, 1965; Walker and Ni, Anderson
+//! acceleration for fixed-point iterations, 2011).
+//!
+//! A sweep takes forces x to g(x), and is done where they agree. From what the last sweeps changed, the combination of their ends
+//! is found of which a sweep would change least, were it linear. It is projected on the cones, and taken where it costs less than
+//! the sweep's own end; so the cost falls from sweep to sweep, whatever rows do.
+//!
+//! Lengths are measured in the dual problem's own matrix, xᵀ(A + R)x = z·z + xᵀR x with z = Σ b x: forces and torques count by what
+//! they do, and rows that do the same count once. So a point is its forces followed by z.
+
+use super::{Problem, SolverWork, dual, joints, pgs};
+use crate::constraint::{Cone, Constraint, ContactRow, DofRowKind, Law};
+use crate::lane::{Lane, Real};
+
+/// Sweeps that are remembered.
+const MEMORY: usize = 12;
+
+/// What the last sweeps did. Lists of points hold one after the other.
+#[derive(Clone, Debug)]
+pub struct Anderson<L> {
+    /// Length of a point.
+    len: usize,
+    /// Of them forces.
+    forces: usize,
+    /// R of the forces, then 1.
+    weight: Vec<L>,
+    /// Slope of the cost at no force, then 0.
+    bias: Vec<L>,
+    /// Where the sweep began.
+    before: Vec<L>,
+    /// Where it ended, and where the one before did.
+    after: [Vec<L>; 2],
+    /// What it changed, and what the one before did.
+    change: [Vec<L>; 2],
+    /// Differences of successive changes.
+    changes: Vec<L>,
+    /// Differences of successive ends.
+    ends: Vec<L>,
+    /// Products of the differences of changes.
+    gram: [[L; MEMORY]; MEMORY],
+    /// A step from the end.
+    step: Vec<L>,
+    /// Sweeps so far.
+    sweeps: usize,
+}
+
+impl<L: Lane> Anderson<L> {
+    /// Knows nothing, and has no room.
+    pub fn new() -> Self {
+        Anderson {
+            len: 0,
+            forces: 0,
+            weight: Vec::new(),
+            bias: Vec::new(),
+            before: Vec::new(),
+            after: [Vec::new(), Vec::new()],
+            change: [Vec::new(), Vec::new()],
+            changes: Vec::new(),
+            ends: Vec::new(),
+            gram: [[L::zero(); MEMORY]; MEMORY],
+            step: Vec::new(),
+            sweeps: 0,
+        }
+    }
+
+    /// The same with room for points of that length.
+    pub fn with_capacity(len: usize) -> Self {
+        let room = |n: usize| Vec::with_capacity(n.min(1 << 20));
+        let [point, list] = [len, MEMORY * len];
+        Anderson {
+            weight: room(point),
+            bias: room(point),
+            before: room(point),
+            after: [room(point), room(point)],
+            change: [room(point), room(point)],
+            changes: room(list),
+            ends: room(list),
+            step: room(point),
+            ..Anderson::new()
+        }
+    }
+
+    /// A solve begins, from rows that are whitened.
+    pub fn begin(&mut self, problem: &Problem<'_, L>, work: &SolverWork<L>) {
+        let constraint = problem.constraint;
+        self.weight.clear();
+        self.weight.extend(constraint.dof_laws().map(|law| pgs::regulariser(law.d())));
+        self.bias.clone_from(&work.dual.bias.dof);
+        for row in &constraint.contact_rows {
+            let (law, bias) = (constraint.law(row), &work.dual.bias.component[row.components()]);
+            let base = pgs::regulariser(law.d());
+            for i in 0..entries(row) {
+                let (j, mu) = edge(law, i);
+                self.bias.push(if row.cone == Cone::Pyramid { mu.mul_add(bias[j], bias[0]) } else { bias[i] });
+                let ratio = if row.cone == Cone::Ellipse && i > 0 { law.mu() / law.friction(i) } else { L::one() };
+                self.weight.push(base * ratio * ratio);
+            }
+        }
+        self.forces = self.weight.len();
+        self.len = self.forces + work.dual.z.len();
+        self.weight.resize(self.len, L::one());
+        self.bias.resize(self.len, L::zero());
+        for list in [&mut self.changes, &mut self.ends] {
+            list.resize(MEMORY * self.len, L::zero());
+        }
+        self.gram = [[L::zero(); MEMORY]; MEMORY];
+        self.sweeps = 0;
+    }
+
+    /// A sweep begins.
+    pub fn before(&mut self, constraint: &Constraint<L>, work: &SolverWork<L>) {
+        read(constraint, work, &mut self.before);
+    }
+
+    /// A sweep has ended: goes on to where the past says, in the lanes of `open` where that costs less.
+    pub fn accelerate(&mut self, problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
+        self.after.swap(0, 1);
+        self.change.swap(0, 1);
+        read(problem.constraint, work, &mut self.after[0]);
+        self.change[0].clear();
+        self.change[0].extend(self.after[0].iter().zip(&self.before).map(|(after, before)| *after - *before));
+        self.sweeps += 1;
+        if self.sweeps == 1 {
+            return;
+        }
+        self.note();
+        self.combine();
+        self.project(problem);
+        self.whiten(problem.constraint, work);
+        let mut rise = L::zero();
+        for (i, step) in self.step.iter().enumerate() {
+            let middle = step.mul_add(L::of(0.5), self.after[0][i]);
+            rise = step.mul_add(self.weight[i].mul_add(middle, self.bias[i]), rise);
+        }
+        self.take(problem.constraint, open & rise.lt(L::zero()), work);
+    }
+
+    /// Place of the difference that was noted `age` sweeps ago.
+    fn place(&self, age: usize) -> usize {
+        (self.sweeps - 2 - age) % MEMORY
+    }
+
+    /// Number of differences noted.
+    fn known(&self) -> usize {
+        (self.sweeps - 1).min(MEMORY)
+    }
+
+    fn change(&self, place: usize) -> &[L] {
+        &self.changes[place * self.len..(place + 1) * self.len]
+    }
+
+    /// Notes by how much the last sweep differs from the one before.
+    fn note(&mut self) {
+        let (new, len) = (self.place(0), self.len);
+        for (list, [now, last]) in [(&mut self.changes, &self.change), (&mut self.ends, &self.after)] {
+            for (out, (now, last)) in list[new * len..(new + 1) * len].iter_mut().zip(now.iter().zip(last)) {
+                *out = *now - *last;
+            }
+        }
+        for age in 0..self.known() {
+            let old = self.place(age);
+            let product = self.product(self.change(new), self.change(old));
+            (self.gram[new][old], self.gram[old][new]) = (product, product);
+        }
+    }
+
+    fn product(&self, a: &[L], b: &[L]) -> L {
+        let mut sum = L::zero();
+        for ((weight, a), b) in self.weight.iter().zip(a).zip(b) {
+            sum = (*weight * *a).mul_add(*b, sum);
+        }
+        sum
+    }
+
+    /// Sets the step to the combination of ends whose sweep would change least. By LDLᵀ, the latest difference first; those
+    /// that say nothing new but for rounding count nothing.
+    fn combine(&mut self) {
+        let (n, zero) = (self.known(), L::zero());
+        let rounding = L::of(L::Real::EPSILON.sqrt());
+        let (mut l, mut d, mut x) = ([[zero; MEMORY]; MEMORY], [zero; MEMORY], [zero; MEMORY]);
+        let mut inverse = [zero; MEMORY];
+        for i in 0..n {
+            let place = self.place(i);
+            let mut sum = self.product(self.change(place), &self.change[0]);
+            for j in 0..i {
+                let mut entry = self.gram[place][self.place(j)];
+                for k in 0..j {
+                    entry = (l[i][k] * d[k]).neg_mul_add(l[j][k], entry);
+                }
+                l[i][j] = entry * inverse[j];
+                sum = l[i][j].neg_mul_add(x[j], sum);
+            }
+            x[i] = sum;
+            let diagonal = self.gram[place][place];
+            let mut pivot = diagonal;
+            for k in 0..i {
+                pivot = (l[i][k] * d[k]).neg_mul_add(l[i][k], pivot);
+            }
+            let counts = pivot.gt(diagonal * rounding);
+            d[i] = L::select(counts, pivot, zero);
+            inverse[i] = L::select(counts, L::one() / L::select(counts, pivot, L::one()), zero);
+        }
+        self.step.clear();
+        self.step.resize(self.forces, zero);
+        for i in (0..n).rev() {
+            let mut share = x[i] * inverse[i];
+            for k in i + 1..n {
+                share = l[k][i].neg_mul_add(x[k], share);
+            }
+            x[i] = share;
+            let end = &self.ends[self.place(i) * self.len..][..self.forces];
+            for (step, end) in self.step.iter_mut().zip(end) {
+                *step = share.neg_mul_add(*end, *step);
+            }
+        }
+    }
+
+    /// Shortens the step so that forces stay within their cones.
+    fn project(&mut self, problem: &Problem<'_, L>) {
+        let constraint = problem.constraint;
+        let Anderson { after: [after, _], step, .. } = self;
+        let zero = L::zero();
+        let confine = |step: &mut L, after: L, low: L, high: L| *step = (after + *step).max(low).min(high) - after;
+        let most = L::of(L::Real::MAX);
+        for (r, law) in constraint.dof_laws().enumerate() {
+            let (low, high) = match law.row.kind {
+                DofRowKind::Friction => (-joints::bound(problem.model, &law), joints::bound(problem.model, &law)),
+                _ => (zero, most),
+            };
+            confine(&mut step[r], after[r], low, high);
+        }
+        let mut at = constraint.dof_rows.len();
+        for row in &constraint.contact_rows {
+            let range = at..at + entries(row);
+            at = range.end;
+            let (step, after) = (&mut step[range.clone()], &after[range]);
+            if row.cone == Cone::Ellipse {
+                confine_ellipse(constraint.law(row), step, after);
+            } else {
+                step.iter_mut().zip(after).for_each(|(step, after)| confine(step, *after, zero, most));
+            }
+        }
+    }
+
+    /// Appends to the step's forces what they do to z.
+    fn whiten(&mut self, constraint: &Constraint<L>, work: &SolverWork<L>) {
+        self.step.resize(self.len, L::zero());
+        let (forces, z) = self.step.split_at_mut(self.forces);
+        let (joints, contacts) = forces.split_at(constraint.dof_rows.len());
+        for (r, step) in joints.iter().enumerate() {
+            dual::add_scaled(z, work.dual.dof(r), *step);
+        }
+        let mut rest = contacts;
+        for row in &constraint.contact_rows {
+            let step = rest.split_off(..entries(row)).unwrap_or_default();
+            for (i, step) in components(constraint.law(row), row, step).iter().enumerate().take(row.dim as usize) {
+                dual::add_scaled(z, work.dual.component(row.component as usize + i), *step);
+            }
+        }
+    }
+
+    /// Takes the step in the given lanes.
+    fn take(&self, constraint: &Constraint<L>, lanes: L::Mask, work: &mut SolverWork<L>) {
+        let (forces, z) = self.step.split_at(self.forces);
+        let (joints, mut rest) = forces.split_at(constraint.dof_rows.len());
+        let take = |x: &mut L, step: L| *x = L::select(lanes, *x + step, *x);
+        work.dual.z.iter_mut().zip(z).for_each(|(z, step)| take(z, *step));
+        work.force.dof.iter_mut().zip(joints).for_each(|(f, step)| take(f, *step));
+        let mut edges = work.edge_force.iter_mut();
+        for row in &constraint.contact_rows {
+            let step = rest.split_off(..entries(row)).unwrap_or_default();
+            if row.cone == Cone::Pyramid {
+                edges.by_ref().zip(step).for_each(|(f, step)| take(f, *step));
+            }
+            let components = components(constraint.law(row), row, step);
+            work.force.component[row.components()].iter_mut().zip(components).for_each(|(f, step)| take(f, step));
+        }
+    }
+}
+
+/// Number of forces of a contact: of a pyramid's edges, or of components.
+fn entries(row: &ContactRow) -> usize {
+    if row.cone == Cone::Pyramid { row.edges() } else { row.dim as usize }
+}
+
+/// Component of an edge of a pyramid, and its friction with the edge's sign.
+fn edge<L: Lane>(law: Law<'_, L>, edge: usize) -> (usize, L) {
+    let j = edge / 2 + 1;
+    let mu = if law.cone == Cone::Pyramid { law.friction(j) } else { L::zero() };
+    (j, if edge % 2 == 0 { mu } else { -mu })
+}
+
+/// Forces of a contact by component.
+fn components<L: Lane>(law: Law<'_, L>, row: &ContactRow, forces: &[L]) -> [L; 6] {
+    let mut out = [L::zero(); 6];
+    for (i, f) in forces.iter().enumerate() {
+        if row.cone == Cone::Pyramid {
+            let (j, mu) = edge(law, i);
+            out[0] += *f;
+            out[j] = mu.mul_add(*f, out[j]);
+        } else {
+            out[i] = *f;
+        }
+    }
+    out
+}
+
+/// Shortens a step so that it ends within an elliptic cone: the normal force pulls, and friction is scaled to what that bears.
+fn confine_ellipse<L: Lane>(law: Law<'_, L>, step: &mut [L], after: &[L]) {
+    let normal = (after[0] + step[0]).max(L::zero());
+    let mut squares = L::zero();
+    for i in 1..step.len() {
+        let u = (after[i] + step[i]) / law.friction(i);
+        squares = u.mul_add(u, squares);
+    }
+    let scale = (normal / squares.sqrt().max(L::of(L::Real::TINY))).min(L::one());
+    step[0] = normal - after[0];
+    for i in 1..step.len() {
+        step[i] = scale.mul_add(after[i] + step[i], -after[i]);
+    }
+}
+
+/// The point at which the solver is.
+fn read<L: Lane>(constraint: &Constraint<L>, work: &SolverWork<L>, point: &mut Vec<L>) {
+    point.clear();
+    point.extend_from_slice(&work.force.dof);
+    let mut rest = &work.edge_force[..];
+    for row in &constraint.contact_rows {
+        if row.cone == Cone::Pyramid {
+            point.extend_from_slice(rest.split_off(..row.edges()).unwrap_or_default());
+        } else {
+            point.extend_from_slice(&work.force.component[row.components()]);
+        }
+    }
+    point.extend_from_slice(&work.dual.z);
+}
