@@ -355,7 +355,9 @@ fn sweeping_error(text: &str, sweeps: usize) -> f64 {
         let model = support::parse(&text.replace("<option", &option));
         let mut worlds = Worlds::new(&model, 1, &options(Precision::F64, Backend::Wide)).expect("a world");
         let mut found = Vec::new();
-        worlds.forward(&[Output::named("qacc").expect("an output")], &mut |_, fields| found.clone_from(&fields[0]));
+        worlds
+            .forward(&[Output::named("qacc").expect("an output")], &mut |_, fields| found.clone_from(&fields[0]))
+            .expect("outputs");
         found
     };
     let (best, found) = (acceleration("Newton", 200, "1e-15"), acceleration("PGS", sweeps, "0"));
