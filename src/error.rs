@@ -10,9 +10,6 @@ pub enum Error {
     /// The model was rejected.
     #[error("{0}")]
     Model(#[from] Diagnostics),
-    /// The model compiles, but a step would need something that is not built yet.
-    #[error("cannot step this model: {0}")]
-    Unsupported(String),
     /// An array has the wrong shape or contents.
     #[error("{0}")]
     Input(String),

@@ -7,10 +7,7 @@ use std::sync::{Arc, OnceLock};
 use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{self as kernel, Cast};
 
-use lanesim_kernels::options::Integrator;
-
 use crate::diagnostics::Diagnostics;
-use crate::error::Error;
 use crate::mjcf::{self, LoadOptions};
 use crate::native::Codes;
 use crate::spec::Spec;
@@ -320,15 +317,6 @@ impl Model {
             [lo, hi] if hi >= INFINITE => [lo, lo + 2.0],
             range => range,
         }
-    }
-
-    /// Whether the model can be stepped, or what is missing for it.
-    pub fn check_step(&self) -> Result<(), Error> {
-        let integrator = self.tables().options.integrator;
-        if integrator != Integrator::Euler {
-            return Err(Error::Unsupported(format!("integrator {integrator} is not supported (set integrator=Euler)")));
-        }
-        Ok(())
     }
 
     /// What numbers of the tables follow from.

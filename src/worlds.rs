@@ -493,9 +493,6 @@ impl Worlds {
     /// The same with the outputs written to the caller's arrays, `[nworld, nstep, width]` each;
     /// [`Trajectories::outputs`] stays empty.
     pub fn rollout_into(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Result<Trajectories, Error> {
-        if rollout.nstep > 0 {
-            self.model.check_step()?;
-        }
         let nworld = self.count(rollout.ids)?;
         rollout.check(&self.model, nworld)?;
         self.check_rows(rollout.outputs, &rows, (nworld, rollout.nstep))?;

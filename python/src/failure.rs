@@ -10,7 +10,6 @@ pub fn raise(py: Python<'_>, error: Error) -> PyErr {
     let text = error.to_string();
     match error {
         Error::Model(diagnostics) => rejected(py, &diagnostics),
-        Error::Unsupported(_) => new(py, "UnsupportedError", (text,)),
         Error::Input(_) => new(py, "InputError", (text,)),
         Error::Options(_) => new(py, "OptionError", (text,)),
         Error::Unknown(_) => new(py, "UnknownNameError", (text,)),
