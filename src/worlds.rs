@@ -424,7 +424,8 @@ impl Worlds {
             return Ok(());
         }
         let given = rows.values.len();
-        Err(Error::Input(format!("{name} has {given} numbers; expected nworld {nworld} × {width}")))
+        let expected = memory::count(&[nworld, width]);
+        Err(Error::Input(format!("{name} has {given} numbers; expected {expected} = nworld {nworld} × {width}")))
     }
 
     /// Writes outputs of all worlds' present states to the caller's arrays, `[nworld, width]` each, on all threads.
@@ -455,11 +456,10 @@ impl Worlds {
                     "{name} differs in length between worlds: it needs a list per world"
                 )));
             };
-            if memory::product(&[self.nworld(), nstep, width]) != Some(rows.len()) || (lists && nstep != 1) {
-                let (given, nworld) = (rows.len(), self.nworld());
-                return Err(Error::Input(format!(
-                    "array for {name} has {given} entries; expected nworld {nworld} × nstep {nstep} × {width}"
-                )));
+            let entries = [self.nworld(), nstep, width];
+            if memory::product(&entries) != Some(rows.len()) || (lists && nstep != 1) {
+                let (given, expected) = (rows.len(), memory::count(&entries));
+                return Err(Error::Input(format!("array for {name} has {given} entries; expected {expected}")));
             }
         }
         Ok(())
