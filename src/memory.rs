@@ -13,6 +13,11 @@ pub(crate) fn product(factors: &[usize]) -> Option<usize> {
     factors.iter().try_fold(1_usize, |product, factor| product.checked_mul(*factor))
 }
 
+/// That product in words.
+pub(crate) fn count(factors: &[usize]) -> String {
+    product(factors).map_or_else(|| "more than can be counted".to_owned(), |n| n.to_string())
+}
+
 /// An error if the system does not grant as many bytes as `factors` multiply to. `what` they are for goes into the message.
 pub(crate) fn ask(what: &'static str, factors: &[usize]) -> Result<(), Error> {
     let refused = |bytes| Error::Memory { what, bytes };

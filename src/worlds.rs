@@ -453,11 +453,10 @@ impl Worlds {
                     "{name} differs in length between worlds: it needs a list per world"
                 )));
             };
-            if memory::product(&[nworld, nstep, width]) != Some(rows.len()) || (lists && nstep != 1) {
-                let given = rows.len();
-                return Err(Error::Input(format!(
-                    "array for {name} has {given} entries; expected nworld {nworld} × nstep {nstep} × {width}"
-                )));
+            let entries = [nworld, nstep, width];
+            if memory::product(&entries) != Some(rows.len()) || (lists && nstep != 1) {
+                let (given, expected) = (rows.len(), memory::count(&entries));
+                return Err(Error::Input(format!("array for {name} has {given} entries; expected {expected}")));
             }
         }
         Ok(())
@@ -586,8 +585,8 @@ pub(crate) fn check_fit(name: &str, rows: &Strided<'_>, nworld: usize, width: us
     if rows.fits(nworld, width) {
         return Ok(());
     }
-    let given = rows.values.len();
-    Err(Error::Input(format!("{name} has {given} numbers; expected nworld {nworld} × {width}")))
+    let (given, expected) = (rows.values.len(), memory::count(&[nworld, width]));
+    Err(Error::Input(format!("{name} has {given} numbers; expected {expected} = nworld {nworld} × {width}")))
 }
 
 /// An output of all worlds.
