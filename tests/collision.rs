@@ -3,6 +3,8 @@
 
 #[path = "collision/aligned.rs"]
 mod aligned;
+#[path = "collision/still.rs"]
+mod still;
 
 use std::collections::BTreeMap;
 use std::path::Path;
