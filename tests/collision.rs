@@ -1,6 +1,11 @@
 //! Contacts of two bodies: against MuJoCo at random poses (tests/pairs/make.py), at poses that can be worked out by hand,
 //! where formulas degenerate, and across lane types.
 
+#[path = "collision/aligned.rs"]
+mod aligned;
+#[path = "collision/still.rs"]
+mod still;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -47,10 +52,15 @@ fn options(precision: Precision, backend: Backend) -> Options {
     Options { precision, backend, threads: Some(1), ..Options::default() }
 }
 
-/// Contacts of every pose.
+/// Contacts of every pose of two free bodies.
 fn contacts(model: &Model, qpos: &[f64], options: &Options) -> Vec<Vec<Contact>> {
-    let n = qpos.len() / 14;
-    let inputs = BTreeMap::from([("qpos".to_string(), Array::new(vec![n, 14], Data::F64(qpos.to_vec())).unwrap())]);
+    contacts_of(model, qpos, 14, options)
+}
+
+/// Contacts of every pose of `nq` numbers.
+fn contacts_of(model: &Model, qpos: &[f64], nq: usize, options: &Options) -> Vec<Vec<Contact>> {
+    let n = qpos.len() / nq;
+    let inputs = BTreeMap::from([("qpos".to_string(), Array::new(vec![n, nq], Data::F64(qpos.to_vec())).unwrap())]);
     let out = eval(model, &inputs, &["ncon", "contact_dist", "contact_pos", "contact_frame"], 0, options).unwrap();
     let [ncon, dist, pos, frame] = [0, 1, 2, 3].map(|i| out[i].1.to_f64().into_owned());
     let most = dist.len() / n;

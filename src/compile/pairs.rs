@@ -76,8 +76,7 @@ pub(crate) fn pairs(
     let mut chains = Chains::new(dofs, links);
     for (a, b, written) in candidates {
         let (ga, gb) = (&scene.geoms[a], &scene.geoms[b]);
-        let (la, lb) = (links.body_link[ga.body], links.body_link[gb.body]);
-        if la == lb || (ga.spec.shape == spec::Shape::Plane && gb.spec.shape == spec::Shape::Plane) {
+        if ga.spec.shape == spec::Shape::Plane && gb.spec.shape == spec::Shape::Plane {
             continue;
         }
         let (one, two) = if (ga.spec.shape, a) <= (gb.spec.shape, b) { (a, b) } else { (b, a) };
@@ -390,7 +389,7 @@ impl<'a> Chains<'a> {
 
     /// What lies between two links; `None` if the table becomes too long.
     fn between(&mut self, link1: u32, link2: u32) -> Option<Between> {
-        if link1 == NONE || link2 == NONE {
+        if link1 == NONE || link2 == NONE || link1 == link2 {
             return Some(Between { dofs: Span::default(), cross: false, sides: Sides::One });
         }
         if let Some(&known) = self.known.get(&(link1, link2)) {

@@ -66,7 +66,8 @@ pub(super) fn distance(solids: &[Solid; 2], reach: f64, touching: f64) -> Outcom
         }
         simplex.vertices[simplex.len] = vertex;
         simplex.len += 1;
-        let Some(next) = nearest(&simplex) else { return Outcome::Touching };
+        // A plane that separates is proof, whatever rounding makes of a flat tetrahedron.
+        let Some(next) = nearest(&simplex, bound > touching) else { return Outcome::Touching };
         let closer = next.point();
         if closer.length_squared() >= v.length_squared() {
             // No more progress in this precision: the simplex before was as good.
@@ -80,14 +81,15 @@ pub(super) fn distance(solids: &[Solid; 2], reach: f64, touching: f64) -> Outcom
     Outcome::Apart(Nearest { dist: length, normal: v / length, on })
 }
 
-/// The face, edge or vertex of a simplex nearest to the origin; `None` if a tetrahedron holds the origin.
-fn nearest(simplex: &Simplex) -> Option<Simplex> {
+/// The face, edge or vertex of a simplex nearest to the origin; `None` if a tetrahedron holds the origin, which one of shapes
+/// that are `apart` cannot.
+fn nearest(simplex: &Simplex, apart: bool) -> Option<Simplex> {
     let [a, b, c, d] = simplex.vertices;
     match simplex.len {
         1 => Some(Simplex::of(&[(a, 1.0)])),
         2 => Some(on_segment(a, b)),
         3 => Some(on_triangle(a, b, c)),
-        _ => on_tetrahedron(a, b, c, d),
+        _ => on_tetrahedron([a, b, c, d], apart),
     }
 }
 
@@ -129,14 +131,14 @@ fn least<const N: usize>(simplices: [Simplex; N]) -> Simplex {
     best
 }
 
-fn on_tetrahedron(a: Vertex, b: Vertex, c: Vertex, d: Vertex) -> Option<Simplex> {
+fn on_tetrahedron([a, b, c, d]: [Vertex; 4], apart: bool) -> Option<Simplex> {
     let volume = (b.at - a.at).cross(c.at - a.at).dot(d.at - a.at);
     // The origin is inside if it is on the inner side of every face.
     let side = |p: Vertex, q: Vertex, r: Vertex, inner: Vertex| {
         let normal = (q.at - p.at).cross(r.at - p.at);
         normal.dot(inner.at - p.at) * -normal.dot(p.at) > 0.0
     };
-    if volume != 0.0 && side(a, b, c, d) && side(a, b, d, c) && side(a, c, d, b) && side(b, c, d, a) {
+    if !apart && volume != 0.0 && side(a, b, c, d) && side(a, b, d, c) && side(a, c, d, b) && side(b, c, d, a) {
         return None;
     }
     Some(least([on_triangle(a, b, c), on_triangle(a, b, d), on_triangle(a, c, d), on_triangle(b, c, d)]))

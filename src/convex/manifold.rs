@@ -8,6 +8,7 @@
 use glam::{DVec2, DVec3};
 use lanesim_kernels::model::Shape;
 
+use super::Nearest;
 use super::support::Solid;
 
 /// Cosine of the largest angle between a face's normal and the contact normal.
@@ -20,6 +21,16 @@ const DISK: usize = 16;
 const CORNERS: usize = 2 * DISK;
 /// Most points of a manifold.
 const POINTS: usize = 4;
+/// Corners less deep than the deepest by less than this, relative to the shapes' size, count as equally deep where one
+/// point stands for all.
+const LEVEL: f64 = 1e-6;
+/// Edges at an angle of a smaller sine count as parallel.
+const PARALLEL: f64 = 1e-4;
+/// A corner no farther beyond a side than this, relative to the shapes' size, lies on it.
+const ROUNDING: f64 = 1e-12;
+/// Differences below this, relative to the shapes' size, are rounding: of equals the first is taken, in the order of the
+/// shapes' own corners.
+const EQUAL: f64 = 1e-9;
 
 /// What a shape shows along the normal: a point on it and a polygon (or the two ends of an edge) in place.
 #[derive(Clone, Copy)]
@@ -99,47 +110,123 @@ struct Corner {
 /// Their common normal is that of a face: of two, the one that separates more.
 pub(super) fn manifold(
     solids: &[Solid; 2],
-    normal: DVec3,
+    nearest: &Nearest,
     most: usize,
     add: &mut impl FnMut(f64, DVec3, DVec3),
 ) -> bool {
-    let (Some(first), Some(second)) = (feature(&solids[0], normal), feature(&solids[1], -normal)) else {
+    let (Some(first), Some(second)) = (feature(&solids[0], nearest.normal), feature(&solids[1], -nearest.normal))
+    else {
         return false;
     };
+    let [radius1, radius2] = [solids[0].radius, solids[1].radius];
+    let dist = nearest.dist - radius1 - radius2;
     if first.len < 3 && second.len < 3 {
-        return false;
+        let middle = edges_middle(&first, &second);
+        middle.inspect(|at| add(dist, *at, nearest.normal));
+        return middle.is_some();
     }
-    let normal = snap(solids, [&first, &second], normal);
-    let (u, v) = normal.any_orthonormal_pair();
-    // An edge is clipped to a face; of two faces, the second to the first.
-    let (base, other) = if first.len > 2 { (&first, &second) } else { (&second, &first) };
-    let flat = |p: DVec3| DVec2::new(p.dot(u), p.dot(v));
-    let mut outline = Outline { len: 0, corners: [DVec2::ZERO; CORNERS] };
-    for corner in &other.corners[..other.len] {
-        outline.push(flat(*corner));
-    }
-    let centre: DVec2 = base.corners[..base.len].iter().map(|p| flat(*p)).sum::<DVec2>() / base.len as f64;
-    for i in 0..base.len {
-        let (p, q) = (flat(base.corners[i]), flat(base.corners[(i + 1) % base.len]));
-        let out = DVec2::new(q.y - p.y, p.x - q.x);
-        let out = if out.dot(centre - p) > 0.0 { -out } else { out };
-        outline = outline.clip(p, out.normalize_or_zero(), other.len > 2);
-    }
-    if outline.len == 0 {
-        return false;
-    }
-    let heights = [plane(&first, normal), plane(&second, normal)];
+    let size = solids[0].extent + solids[1].extent + radius1 + radius2;
+    let view = View::new(solids, [&first, &second], nearest.normal);
     let mut corners = [Corner::default(); CORNERS];
-    let lift = |at: DVec2, (n, d): (DVec3, f64)| (d - at.x * u.dot(n) - at.y * v.dot(n)) / normal.dot(n);
-    for (corner, at) in corners.iter_mut().zip(&outline.corners[..outline.len]) {
-        *corner = Corner { at: *at, dist: lift(*at, heights[1]) - lift(*at, heights[0]) };
+    let len = view.shared([&first, &second], size, &mut corners);
+    if most == 1 {
+        let middle = deepest_middle(&corners[..len], size);
+        middle.inspect(|at| add(dist, view.place(*at), nearest.normal));
+        return middle.is_some();
     }
-    let kept = spread(&corners[..outline.len], most.min(POINTS));
-    for corner in kept.into_iter().flatten() {
-        let middle = 0.5 * (lift(corner.at, heights[0]) + lift(corner.at, heights[1]));
-        add(corner.dist, u * corner.at.x + v * corner.at.y + normal * middle, normal);
+    for corner in spread(&corners[..len], most.min(POINTS), size).into_iter().flatten() {
+        add(corner.dist, view.place(corner.at), view.normal);
     }
-    true
+    len > 0
+}
+
+/// The middle of what two parallel edges share, midway between them; `None` if they are not parallel or share nothing.
+fn edges_middle(first: &Feature, second: &Feature) -> Option<DVec3> {
+    let [p, q] = [first.corners[0], first.corners[1]];
+    let along = (q - p).normalize_or_zero();
+    let across = along.cross((second.corners[1] - second.corners[0]).normalize_or_zero());
+    let [a, b] = [second.corners[0], second.corners[1]].map(|end| along.dot(end - p));
+    let (from, to) = (a.min(b).max(0.0), a.max(b).min(along.dot(q - p)));
+    if across.length() > PARALLEL || from > to || a == b {
+        return None;
+    }
+    let middle = 0.5 * (from + to);
+    let opposite = second.corners[0].lerp(second.corners[1], (middle - a) / (b - a));
+    Some(0.5 * (p + along * middle + opposite))
+}
+
+/// The middle of the deepest corners; `None` if one alone is deepest.
+fn deepest_middle(corners: &[Corner], size: f64) -> Option<DVec2> {
+    let least = corners.iter().map(|corner| corner.dist).fold(f64::INFINITY, f64::min);
+    let deepest = || corners.iter().filter(|corner| corner.dist <= least + LEVEL * size).map(|corner| corner.at);
+    let first = deepest().next()?;
+    let (mut area, mut moment) = (0.0, DVec2::ZERO);
+    for (a, b) in deepest().zip(deepest().skip(1)) {
+        let twice = (a - first).perp_dot(b - first);
+        area += twice;
+        moment += twice * (a + b - 2.0 * first) / 3.0;
+    }
+    if area.abs() > EQUAL * size * size {
+        return Some(first + moment / area);
+    }
+    // An edge: between the corners that are farthest apart.
+    let end = |from: DVec2| deepest().max_by(|p, q| p.distance_squared(from).total_cmp(&q.distance_squared(from)));
+    let (one, other) = (end(first)?, end(end(first)?)?);
+    (one.distance(other) > EQUAL * size).then_some(0.5 * (one + other))
+}
+
+/// Two features, seen along the normal.
+struct View {
+    normal: DVec3,
+    u: DVec3,
+    v: DVec3,
+    /// The features' planes n · p = d.
+    planes: [(DVec3, f64); 2],
+}
+
+impl View {
+    fn new(solids: &[Solid; 2], features: [&Feature; 2], normal: DVec3) -> View {
+        let normal = snap(solids, features, normal);
+        let (u, v) = normal.any_orthonormal_pair();
+        View { normal, u, v, planes: features.map(|feature| plane(feature, normal)) }
+    }
+
+    fn flat(&self, p: DVec3) -> DVec2 {
+        DVec2::new(p.dot(self.u), p.dot(self.v))
+    }
+
+    /// Height along the normal at which a plane is met.
+    fn lift(&self, at: DVec2, (n, d): (DVec3, f64)) -> f64 {
+        (d - at.x * self.u.dot(n) - at.y * self.v.dot(n)) / self.normal.dot(n)
+    }
+
+    /// Midway between the planes.
+    fn place(&self, at: DVec2) -> DVec3 {
+        let middle = 0.5 * (self.lift(at, self.planes[0]) + self.lift(at, self.planes[1]));
+        self.u * at.x + self.v * at.y + self.normal * middle
+    }
+
+    /// The corners of what the features share; their number.
+    fn shared(&self, [first, second]: [&Feature; 2], size: f64, corners: &mut [Corner; CORNERS]) -> usize {
+        // An edge is clipped to a face; of two faces, the second to the first.
+        let (base, other) = if first.len > 2 { (first, second) } else { (second, first) };
+        let mut outline = Outline { len: 0, corners: [DVec2::ZERO; CORNERS] };
+        for corner in &other.corners[..other.len] {
+            outline.push(self.flat(*corner));
+        }
+        let centre: DVec2 = base.corners[..base.len].iter().map(|p| self.flat(*p)).sum::<DVec2>() / base.len as f64;
+        for i in 0..base.len {
+            let (p, q) = (self.flat(base.corners[i]), self.flat(base.corners[(i + 1) % base.len]));
+            let out = DVec2::new(q.y - p.y, p.x - q.x);
+            let out = if out.dot(centre - p) > 0.0 { -out } else { out };
+            outline = outline.clip(p, out.normalize_or_zero(), other.len > 2, ROUNDING * size);
+        }
+        for (corner, at) in corners.iter_mut().zip(&outline.corners[..outline.len]) {
+            let [low, high] = self.planes.map(|plane| self.lift(*at, plane));
+            *corner = Corner { at: *at, dist: high - low };
+        }
+        outline.len
+    }
 }
 
 /// The normal of the features' faces along which the solids are farthest apart.
@@ -148,7 +235,7 @@ fn snap(solids: &[Solid; 2], features: [&Feature; 2], normal: DVec3) -> DVec3 {
     for feature in features.into_iter().filter(|f| f.len > 2) {
         let n = feature.normal(normal);
         let apart = n.dot(solids[1].support(-n) - solids[0].support(n));
-        if apart > best.0 {
+        if apart > best.0 + EQUAL * (solids[0].extent + solids[1].extent) {
             best = (apart, n);
         }
     }
@@ -176,9 +263,8 @@ impl Outline {
     }
 
     /// The part on the inner side of the line through `p` with normal `out`.
-    fn clip(&self, p: DVec2, out: DVec2, closed: bool) -> Outline {
+    fn clip(&self, p: DVec2, out: DVec2, closed: bool, slack: f64) -> Outline {
         let mut left = Outline { len: 0, corners: [DVec2::ZERO; CORNERS] };
-        let slack = 1e-12;
         for c in 0..self.len {
             let (a, b) = (self.corners[c], self.corners[(c + 1) % self.len]);
             let (fa, fb) = ((a - p).dot(out), (b - p).dot(out));
@@ -197,7 +283,7 @@ impl Outline {
 
 /// Up to `most` corners that span the outline: the deepest, the one farthest from it, and the farthest on either side of
 /// the line through both.
-fn spread(corners: &[Corner], most: usize) -> [Option<Corner>; POINTS] {
+fn spread(corners: &[Corner], most: usize, size: f64) -> [Option<Corner>; POINTS] {
     let mut kept = [None; POINTS];
     if corners.len() <= most {
         for (place, corner) in kept.iter_mut().zip(corners) {
@@ -205,20 +291,20 @@ fn spread(corners: &[Corner], most: usize) -> [Option<Corner>; POINTS] {
         }
         return kept;
     }
-    let pick = |value: &dyn Fn(&Corner) -> f64| {
+    let pick = |unit: f64, value: &dyn Fn(&Corner) -> f64| {
         let mut best = corners[0];
         for corner in &corners[1..] {
-            if value(corner) > value(&best) {
+            if value(corner) > value(&best) + EQUAL * unit {
                 best = *corner;
             }
         }
         best
     };
-    let deepest = pick(&|c| -c.dist);
-    let farthest = pick(&|c| c.at.distance_squared(deepest.at));
+    let deepest = pick(size, &|c| -c.dist);
+    let farthest = pick(size * size, &|c| c.at.distance_squared(deepest.at));
     let across = (farthest.at - deepest.at).perp();
-    let left = pick(&|c| (c.at - deepest.at).dot(across));
-    let right = pick(&|c| -(c.at - deepest.at).dot(across));
+    let left = pick(size * size, &|c| (c.at - deepest.at).dot(across));
+    let right = pick(size * size, &|c| -(c.at - deepest.at).dot(across));
     for (place, corner) in kept.iter_mut().zip([deepest, farthest, left, right]).take(most) {
         *place = Some(corner);
     }

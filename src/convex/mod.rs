@@ -2,14 +2,15 @@
 //!
 //! Spheres and capsules are a point and a segment with a radius about them. Shapes whose cores are apart are treated by
 //! distance (`distance`), others by penetration (`penetration`); shapes that touch with flat sides or edges get several
-//! points (`manifold`). Everything lives on the stack and depends on the two shapes only.
+//! points (`manifold`). Everything lives on the stack, in the first shape's own axes: so a scene turned as a whole gives the
+//! same contacts, turned.
 
 mod distance;
 mod manifold;
 mod penetration;
 mod support;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use lanesim_kernels::collision::{Body, ConvexCollider, Point, Points};
 use lanesim_kernels::model::Shape;
 
@@ -44,9 +45,18 @@ impl ConvexCollider for SupportCollider {
         most: usize,
         points: &mut Points<f64>,
     ) {
-        // About the first solid's centre, so that numbers stay small.
-        let origin = DVec3::from_array(a.pos);
-        let solids = [Solid::new(shapes.0, a, origin), Solid::new(shapes.1, b, origin)];
+        let (own, origin) = (DMat3::from_cols_array(&a.rot).transpose(), DVec3::from_array(a.pos));
+        let [one, other] = [Solid::new(shapes.0, a), Solid::new(shapes.1, b)];
+        let size = one.extent + one.radius + other.extent + other.radius;
+        let (centre, rot) = (own.transpose() * (other.centre - origin), own.transpose() * other.rot);
+        let solids = [
+            Solid { centre: DVec3::ZERO, rot: DMat3::IDENTITY, ..one },
+            Solid {
+                centre: centre.map(|x| without_rounding(x, size)),
+                rot: DMat3::from_cols_array(&rot.to_cols_array().map(|x| without_rounding(x, 1.0))),
+                ..other
+            },
+        ];
         let radius = solids[0].radius + solids[1].radius;
         let Some(nearest) = nearest(&solids, include + radius) else { return };
         let dist = nearest.dist - radius;
@@ -55,16 +65,28 @@ impl ConvexCollider for SupportCollider {
         }
         let mut add = |dist: f64, at: DVec3, normal: DVec3| {
             if dist <= include {
-                let pos = (at + origin).to_array();
-                points.push(Point { dist, pos, normal: normal.to_array() });
+                let (pos, normal) = (own * at + origin, own * normal);
+                points.push(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
             }
         };
-        if most > 1 && manifold::manifold(&solids, nearest.normal, most, &mut add) {
+        if manifold::manifold(&solids, &nearest, most, &mut add) {
             return;
         }
         let first = nearest.on[0] + nearest.normal * solids[0].radius;
         let second = nearest.on[1] - nearest.normal * solids[1].radius;
         add(dist, (first + second) * 0.5, nearest.normal);
+    }
+}
+
+/// Zero, or the size, where a number is that up to a few roundings of the size: shapes that are aligned stay so.
+fn without_rounding(x: f64, size: f64) -> f64 {
+    let near = |y: f64| (x.abs() - y).abs() < 32.0 * f64::EPSILON * size;
+    if near(0.0) {
+        0.0
+    } else if near(size) {
+        size.copysign(x)
+    } else {
+        x
     }
 }
 

@@ -21,6 +21,9 @@ const TOLERANCE: f64 = 1e-11;
 /// Faces whose distances differ by less, relative to the shapes' size, may share the nearest point.
 const SAME: f64 = 1e-9;
 
+/// Faces are told apart by distance if it differs by more than this, relative to the shapes' size.
+const EQUAL: f64 = 1e-13;
+
 /// Height below which a triangle is a sliver, relative to the shapes' size.
 const SLIVER: f64 = 1e-12;
 
@@ -52,13 +55,13 @@ pub(super) fn penetration(solids: &[Solid; 2], size: f64) -> Nearest {
         edges: [(0, 0); EDGES],
     };
     polytope.start(solids, size);
-    let mut best = polytope.least();
+    let mut best = polytope.least(size);
     while polytope.nvertex < VERTICES {
         let vertex = difference(solids, best.normal);
         if best.normal.dot(vertex.at) - best.distance <= TOLERANCE * size || !polytope.expand(&best, vertex, size) {
             break;
         }
-        best = polytope.least();
+        best = polytope.least(size);
     }
     let on = polytope.points(&best, size);
     // The second solid leaves the first by moving against the normal of the face: the origin then reaches that face.
@@ -116,11 +119,11 @@ impl Polytope {
         true
     }
 
-    /// The face of least signed distance; the first of equals.
-    fn least(&self) -> Face {
+    /// The face of least signed distance; the first of those that are equal up to rounding.
+    fn least(&self, size: f64) -> Face {
         let mut best = self.faces[0];
         for face in &self.faces[1..self.nface] {
-            if face.distance < best.distance {
+            if face.distance < best.distance - EQUAL * size {
                 best = *face;
             }
         }

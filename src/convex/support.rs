@@ -19,7 +19,7 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    pub fn new(shape: Shape, body: &Body<f64>, origin: DVec3) -> Solid {
+    pub fn new(shape: Shape, body: &Body<f64>) -> Solid {
         let size = DVec3::from_array(body.size);
         let (radius, extent) = match shape {
             Shape::Plane => (0.0, 0.0),
@@ -30,7 +30,7 @@ impl Solid {
             Shape::Box => (0.0, size.length()),
         };
         let rot = DMat3::from_cols_array(&body.rot).transpose();
-        Solid { shape, centre: DVec3::from_array(body.pos) - origin, rot, size, radius, extent }
+        Solid { shape, centre: DVec3::from_array(body.pos), rot, size, radius, extent }
     }
 
     /// A direction in the shape's own axes.

@@ -108,6 +108,7 @@ impl Kind {
         let frames = Frames::new(model, pair);
         let [first, second] = frames.trees;
         let frames = match (first, second) {
+            (NONE, NONE) => frames,
             (NONE, _) => Frames { trees: [NONE, 1], reference: 1 },
             (_, NONE) => Frames { trees: [0, NONE], reference: 0 },
             _ if first == second => Frames { trees: [0, 0], reference: 0 },

@@ -16,6 +16,9 @@ const SAME_DIRECTION: f64 = 0.99;
 /// ... must separate more by this fraction of the face's separation to be taken.
 const EDGE_GAIN: f64 = 0.05;
 
+/// Corners of a face are one if they are nearer to each other than this many roundings.
+const SAME_CORNER: f64 = 16.0;
+
 /// A direction that separates, or overlaps least.
 struct Axis<R> {
     /// Separation along it, negative: overlap.
@@ -43,10 +46,11 @@ fn slack<R: Scalar>(a: &Body<R>, b: &Body<R>) -> R {
     (largest(&a.size) + largest(&b.size)) * R::of(32.0 * R::EPSILON)
 }
 
-/// The face normal that separates most.
+/// The face normal that separates most; the first of those that are equal up to rounding.
 fn best_face<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>) -> Axis<R> {
     let back = mul_t(&to.rot, &to.pos);
     let reach = |s: &Vec3<R>, along: Vec3<R>| dot(s, &along.map(R::abs));
+    let slack = slack(a, b);
     let mut best = Axis { separation: R::of(-R::MAXVAL), index: 0, direction: zero() };
     for index in 0..6 {
         let k = index % 3;
@@ -56,7 +60,7 @@ fn best_face<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>) -> Axis<R> {
         } else {
             back[k].abs() - b.size[k] - reach(&a.size, column(&to.rot, k))
         };
-        if separation > best.separation {
+        if separation > best.separation + slack {
             best = Axis { separation, index, direction: zero() };
         }
     }
@@ -147,11 +151,18 @@ fn crossing<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>, edges: &Axis<
 /// A polygon of up to eight corners: a face clipped by four planes.
 struct Polygon<R> {
     len: usize,
+    /// Corners nearer to each other than this are one.
+    same: R,
     corners: [Vec3<R>; 8],
 }
 
 impl<R: Scalar> Polygon<R> {
     fn push(&mut self, corner: Vec3<R>) {
+        let near = |other: &Vec3<R>| sub(&corner, other).iter().all(|x| x.abs() <= self.same);
+        let known = &self.corners[..self.len];
+        if known.first().is_some_and(near) || known.last().is_some_and(near) {
+            return;
+        }
         if let Some(place) = self.corners.get_mut(self.len) {
             *place = corner;
             self.len += 1;
@@ -160,7 +171,7 @@ impl<R: Scalar> Polygon<R> {
 
     /// The part where `sign` times coordinate k is at most `limit`.
     fn clip(&self, k: usize, sign: R, limit: R, slack: R) -> Polygon<R> {
-        let mut out = Polygon { len: 0, corners: [zero(); 8] };
+        let mut out = Polygon { len: 0, same: self.same, corners: [zero(); 8] };
         for c in 0..self.len {
             let (p, q) = (&self.corners[c], &self.corners[(c + 1) % self.len]);
             let (fp, fq) = (sign.mul_add(p[k], -limit), sign.mul_add(q[k], -limit));
@@ -192,11 +203,11 @@ fn clipped<R: Scalar>(base: &Body<R>, other: &Body<R>, k: usize, include: R, swa
     let (u, v) = ((j + 1) % 3, (j + 2) % 3);
     let u = scale(other.size[u], &column(&to.rot, u));
     let v = scale(other.size[v], &column(&to.rot, v));
-    let mut polygon = Polygon { len: 0, corners: [zero(); 8] };
+    let slack = slack(base, other);
+    let mut polygon = Polygon { len: 0, same: slack * R::of(SAME_CORNER), corners: [zero(); 8] };
     for corner in [add(&u, &v), sub(&v, &u), neg(&add(&u, &v)), sub(&u, &v)] {
         polygon.push(add(&centre, &corner));
     }
-    let slack = slack(base, other);
     for side in [(k + 1) % 3, (k + 2) % 3] {
         for sign in [R::one(), -R::one()] {
             polygon = polygon.clip(side, sign, base.size[side], slack);

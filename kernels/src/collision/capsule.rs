@@ -2,8 +2,11 @@
 
 use super::pair::{Body, Candidate};
 use super::sphere::balls;
-use crate::lane::{Lane, Mask};
-use crate::math::vec3::{self, Vec3, cross, dot, scale, scale_add, sub};
+use crate::lane::Lane;
+use crate::math::vec3::{self, Vec3, cross, dot, scale_add, sub};
+
+/// Axes at a smaller angle, in radians, count as parallel.
+const PARALLEL: f64 = 1e-4;
 
 /// The candidate `a` where the mask holds, else `b`.
 #[inline(always)]
@@ -16,86 +19,87 @@ pub(super) fn select<L: Lane>(mask: L::Mask, a: &Candidate<L>, b: &Candidate<L>)
     }
 }
 
-/// The quadratic form of the squared distance between points x₁ α₁ and x₂ α₂ (α: axis times half length).
+/// Two segments as products of their unit axes and the way from the first centre to the second. Places on them are lengths
+/// from the centres.
 struct Segments<L> {
-    alpha1: Vec3<L>,
-    alpha2: Vec3<L>,
-    a: L,
-    b: L,
-    c: L,
-    u: L,
-    v: L,
+    axis1: Vec3<L>,
+    axis2: Vec3<L>,
+    half1: L,
+    half2: L,
+    between: Vec3<L>,
+    /// Cosine of the angle between the axes.
+    cos: L,
+    /// The way between the centres along the first axis, and along the second.
+    along1: L,
+    along2: L,
 }
 
 #[inline(always)]
 fn segments<L: Lane>(first: &Body<L>, second: &Body<L>) -> Segments<L> {
-    let alpha1 = scale(first.size[1], &first.axis());
-    let alpha2 = scale(second.size[1], &second.axis());
-    let between = sub(&first.pos, &second.pos);
+    let (axis1, axis2) = (first.axis(), second.axis());
+    let between = sub(&second.pos, &first.pos);
     Segments {
-        a: dot(&alpha1, &alpha1),
-        b: -dot(&alpha1, &alpha2),
-        c: dot(&alpha2, &alpha2),
-        u: -dot(&alpha1, &between),
-        v: dot(&alpha2, &between),
-        alpha1,
-        alpha2,
+        cos: dot(&axis1, &axis2),
+        along1: dot(&axis1, &between),
+        along2: dot(&axis2, &between),
+        half1: first.size[1],
+        half2: second.size[1],
+        axis1,
+        axis2,
+        between,
     }
 }
 
-/// The spheres at x₁ and x₂.
-#[inline(always)]
-fn at<L: Lane>(first: &Body<L>, second: &Body<L>, s: &Segments<L>, x1: L, x2: L) -> Candidate<L> {
-    let p1 = scale_add(x1, &s.alpha1, &first.pos);
-    let p2 = scale_add(x2, &s.alpha2, &second.pos);
-    balls(&p1, first.size[0], &first.axis(), &p2, second.size[0], &second.axis())
+impl<L: Lane> Segments<L> {
+    /// The place on the first segment that is nearest to place `x2` on the second.
+    #[inline(always)]
+    fn on_first(&self, x2: L) -> L {
+        self.cos.mul_add(x2, self.along1).clamp(-self.half1, self.half1)
+    }
+
+    /// The place on the second segment's line that is nearest to place `x1` on the first.
+    #[inline(always)]
+    fn on_second_line(&self, x1: L) -> L {
+        self.cos.mul_add(x1, -self.along2)
+    }
+
+    /// The spheres at two places.
+    #[inline(always)]
+    fn balls(&self, first: &Body<L>, second: &Body<L>, x1: L, x2: L) -> Candidate<L> {
+        let p1 = scale_add(x1, &self.axis1, &first.pos);
+        let p2 = scale_add(x2, &self.axis2, &second.pos);
+        balls(&p1, first.size[0], &self.axis1, &p2, second.size[0], &self.axis2)
+    }
 }
 
 /// The nearest points of segments that are not parallel, and where they are parallel.
 pub(super) fn crossing<L: Lane>(first: &Body<L>, second: &Body<L>) -> (Candidate<L>, L::Mask) {
     let s = segments(first, second);
-    // By cross products: with θ the angle between the axes, a c - b² and its like are differences of nearly equal numbers
+    // By cross products: with θ the angle between the axes, 1 - cos² and its like are differences of nearly equal numbers
     // that lose 1/θ² digits, these lose 1/θ.
-    let normal = cross(&s.alpha1, &s.alpha2);
-    let det = dot(&normal, &normal);
-    // Parallel up to an angle of 1e-4.
-    let parallel = det.le(s.a * s.c * L::of(1e-8));
-    let one = L::one();
-    let inverse = one / L::select(parallel, one, det);
-    let between = sub(&second.pos, &first.pos);
-    let free1 = dot(&cross(&between, &s.alpha2), &normal) * inverse;
-    let free2 = dot(&cross(&between, &s.alpha1), &normal) * inverse;
-    let x1 = free1.clamp(-one, one);
-    let clipped = free1.abs().gt(one);
-    let x2 = L::select(clipped, x1.neg_mul_add(s.b, s.v) / s.c, free2);
-    let x2_clipped = x2.clamp(-one, one);
-    let beyond = x2.abs().gt(one);
-    let x1 = L::select(beyond, (x2_clipped.neg_mul_add(s.b, s.u) / s.a).clamp(-one, one), x1);
-    (at(first, second, &s, x1, x2_clipped), parallel)
+    let normal = cross(&s.axis1, &s.axis2);
+    let sin2 = dot(&normal, &normal);
+    let parallel = sin2.le(L::of(PARALLEL * PARALLEL));
+    let inverse = L::one() / L::select(parallel, L::one(), sin2);
+    let free1 = dot(&cross(&s.between, &s.axis2), &normal) * inverse;
+    let free2 = dot(&cross(&s.between, &s.axis1), &normal) * inverse;
+    let x1 = free1.clamp(-s.half1, s.half1);
+    let x2 = L::select(free1.abs().gt(s.half1), s.on_second_line(x1), free2);
+    let x2_clipped = x2.clamp(-s.half2, s.half2);
+    let x1 = L::select(x2.abs().gt(s.half2), s.on_first(x2_clipped), x1);
+    (s.balls(first, second, x1, x2_clipped), parallel)
 }
 
-/// Parallel segments: each end of one against the other, the first two within `include`.
-pub(super) fn parallel<L: Lane>(first: &Body<L>, second: &Body<L>, include: L) -> [(Candidate<L>, L::Mask); 2] {
+/// Parallel segments: the ends of what they have in common along the first axis, the lower one first. Where they have
+/// nothing in common both are the same, the ends that face each other.
+pub(super) fn parallel<L: Lane>(first: &Body<L>, second: &Body<L>) -> [Candidate<L>; 2] {
     let s = segments(first, second);
-    let one = L::one();
-    let blank = at(first, second, &s, one, one);
-    let mut found = [(blank, L::Mask::splat(false)); 2];
-    let mut count = L::zero();
-    for end in 0..4 {
-        let sign = if end % 2 == 0 { one } else { -one };
-        let (x1, x2) = if end < 2 {
-            (sign, (sign.neg_mul_add(s.b, s.v) / s.c).clamp(-one, one))
-        } else {
-            ((sign.neg_mul_add(s.b, s.u) / s.a).clamp(-one, one), sign)
-        };
-        let candidate = at(first, second, &s, x1, x2);
-        let counts = candidate.dist.le(include);
-        for (i, (slot, mask)) in found.iter_mut().enumerate() {
-            let here = counts & count.eq(L::of(i as f64));
-            *slot = select(here, &candidate, slot);
-            *mask = *mask | here;
-        }
-        count = L::select(counts, count + one, count);
-    }
-    found
+    [-L::one(), L::one()].map(|sign| {
+        // The second segment's end on this side, as seen along the first axis.
+        let end = L::select(s.cos.lt(L::zero()), -sign, sign) * s.half2;
+        let place = s.cos.mul_add(end, s.along1);
+        let x1 = place.clamp(-s.half1, s.half1);
+        let x2 = s.on_second_line(x1).clamp(-s.half2, s.half2);
+        s.balls(first, second, x1, L::select(place.abs().le(s.half1), end, x2))
+    })
 }

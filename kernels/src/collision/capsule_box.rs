@@ -4,17 +4,37 @@
 //! twelve edges (segments' nearest points: Ericson, Real-Time Collision Detection, 2005, §5.1.9). The second follows the
 //! axis from there over the face that it runs along, to that face's far side or the capsule's other end. An end inside the
 //! box is the only point.
+//!
+//! An axis that runs level along a face or an edge is as near to it at many places. Rounding would choose one of them, and
+//! with it what follows, so there the points are the two ends of the part that lies beside the face or edge.
 
 use super::pair::{Body, Candidate};
 use super::single::{Point, Points};
 use super::sphere;
 use crate::lane::Scalar;
-use crate::math::vec3::{Vec3, dot, mul_t, scale, scale_add, sub};
+use crate::math::vec3::{Vec3, add, dot, mul, mul_t, scale, scale_add, sub};
+
+/// An axis that rises over a face by no more than this fraction of its length, or a few roundings, runs level with it. The
+/// distances of its ends differ from the least by the square of it, normals by as much.
+const LEVEL: f64 = 1e-6;
 
 /// The capsule's axis in the box's frame: from -1 to 1, p + x a.
 struct Segment<R> {
     p: Vec3<R>,
     a: Vec3<R>,
+}
+
+impl<R: Scalar> Segment<R> {
+    /// Whether coordinate k stays the same along the axis.
+    fn level(&self, k: usize) -> bool {
+        let level = LEVEL.max(32.0 * R::EPSILON);
+        self.a[k] * self.a[k] <= dot(&self.a, &self.a) * R::of(level * level)
+    }
+
+    /// Lengths along coordinate k below this are a few roundings.
+    fn slack(&self, size: &Vec3<R>, k: usize) -> R {
+        (self.p[k].abs() + size[k]) * R::of(32.0 * R::EPSILON)
+    }
 }
 
 /// What the axis is nearest to.
@@ -39,6 +59,14 @@ pub(super) fn capsule_box<R: Scalar>(capsule: &Body<R>, cuboid: &Body<R>, includ
     let axis = scale(capsule.size[1], &capsule.axis());
     let p = mul_t(&cuboid.rot, &sub(&capsule.pos, &cuboid.pos));
     let segment = Segment { p, a: mul_t(&cuboid.rot, &axis) };
+    let mut put = |Candidate { dist, pos, normal, .. }| {
+        if dist <= include {
+            points.push(Point { dist, pos, normal });
+        }
+    };
+    if let Some(ends) = beside(&segment, &cuboid.size) {
+        return ends.into_iter().for_each(|x| put(level_ball(capsule, cuboid, &segment, x)));
+    }
     let nearest = nearest(&segment, &cuboid.size);
     let second = match nearest.feature {
         Feature::Inside => None,
@@ -46,13 +74,42 @@ pub(super) fn capsule_box<R: Scalar>(capsule: &Body<R>, cuboid: &Body<R>, includ
         Feature::Edge { axis, upper, end: false } => along_edge(&segment, &cuboid.size, nearest.x, axis, upper),
         Feature::Edge { upper, end: true, .. } => from_corner(&segment, &cuboid.size, nearest.x, upper),
     };
+    // An axis that runs level with two coordinates meets the box at one place, at which rounding may see a second.
+    let aligned = (0..3).filter(|&k| segment.level(k)).count() == 2;
+    let second = second.filter(|x| !aligned || (*x - nearest.x).abs() > R::of(32.0 * R::EPSILON));
     for x in [Some(nearest.x), second].into_iter().flatten() {
         let ball = Body { pos: scale_add(x, &axis, &capsule.pos), ..*capsule };
-        let Candidate { dist, pos, normal, .. } = sphere::cuboid(&ball, cuboid);
-        if dist <= include {
-            points.push(Point { dist, pos, normal });
+        put(sphere::cuboid(&ball, cuboid));
+    }
+}
+
+/// The part of the axis that lies beside a face or an edge with which it runs level; `None` if it runs level with none, or
+/// no part of it lies beside.
+fn beside<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>) -> Option<[R; 2]> {
+    let Segment { p, a } = segment;
+    let (mut from, mut to, mut outside) = (-R::one(), R::one(), false);
+    for k in 0..3 {
+        if segment.level(k) {
+            outside = outside || p[k].abs() >= size[k] - segment.slack(size, k);
+        } else {
+            let (middle, half) = (-p[k] / a[k], size[k] / a[k].abs());
+            from = from.max(middle - half);
+            to = to.min(middle + half);
         }
     }
+    let past = (0..3).any(|k| !segment.level(k) && (from - to) * a[k].abs() > segment.slack(size, k));
+    (outside && !past).then_some([from, to])
+}
+
+/// A place beside, as a sphere against the box. In the directions along which the axis runs, the box counts as endless: its
+/// other faces are not in question.
+fn level_ball<R: Scalar>(capsule: &Body<R>, cuboid: &Body<R>, segment: &Segment<R>, x: R) -> Candidate<R> {
+    let local = scale_add(x, &segment.a, &segment.p);
+    let keep = |level: bool| std::array::from_fn(|k| if segment.level(k) == level { local[k] } else { R::zero() });
+    let [across, along] = [keep(true), keep(false)].map(|part| mul(&cuboid.rot, &part));
+    let ball = Body { pos: add(&cuboid.pos, &across), ..*capsule };
+    let candidate = sphere::cuboid(&ball, cuboid);
+    Candidate { pos: add(&candidate.pos, &along), ..candidate }
 }
 
 fn nearest<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>) -> Nearest<R> {
@@ -96,12 +153,14 @@ fn nearest_to_edge<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>, axis: usize,
     let to = sub(&mid, &segment.p);
     let square = dot(&segment.a, &segment.a);
     let along = segment.a[axis];
-    let flat = along.neg_mul_add(along, square);
     let forward = dot(&to, &segment.a);
+    let (k1, k2) = ((axis + 1) % 3, (axis + 2) % 3);
     let (mut x, mut y);
-    if flat > square * R::of(64.0 * R::EPSILON) {
-        x = along.neg_mul_add(to[axis], forward) / flat;
-        y = along.mul_add(forward, -(square * to[axis])) / flat;
+    if !(segment.level(k1) && segment.level(k2)) {
+        // Seen along the edge, which is a point there.
+        let (a1, a2) = (segment.a[k1], segment.a[k2]);
+        x = a2.mul_add(to[k2], a1 * to[k1]) / a2.mul_add(a2, a1 * a1);
+        y = x.mul_add(along, segment.p[axis]);
     } else {
         // Parallel: the first place on the axis that lies beside the edge.
         x = -one;

@@ -158,9 +158,8 @@ pub fn points<L: Lane>(
 #[inline(always)]
 pub fn capsules<L: Lane>(a: &Body<L>, b: &Body<L>, include: L, near: L::Mask, found: &mut [Found<L>]) {
     let (crossing, parallel) = capsule::crossing(a, b);
-    let alongside = capsule::parallel(a, b, include);
-    for (i, (candidate, mask)) in alongside.into_iter().enumerate() {
-        let mask = if i == 0 { !parallel | mask } else { parallel & mask };
-        capsule::select(parallel, &candidate, &crossing).put(near & mask, include, &mut found[i]);
+    for (i, candidate) in capsule::parallel(a, b).iter().enumerate() {
+        let mask = if i == 0 { near } else { near & parallel };
+        capsule::select(parallel, candidate, &crossing).put(mask, include, &mut found[i]);
     }
 }

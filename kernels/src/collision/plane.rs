@@ -1,7 +1,8 @@
 //! A plane against every other shape. The normal is the plane's; a contact lies midway between plane and surface.
 
 use super::pair::{Body, Candidate};
-use crate::lane::{Lane, Mask, Real};
+use super::sphere::rounding;
+use crate::lane::{Lane, Mask};
 use crate::math::vec3::{Vec3, column, cross, dot, mul, mul_t, neg, norm, scale, scale_add, select, sub, zero};
 
 /// The contact of surface point `at`, `dist` above the plane.
@@ -61,7 +62,7 @@ pub(super) fn cylinder<L: Lane>(plane: &Body<L>, cylinder: &Body<L>, include: L)
     let (x_axis, y_axis) = (column(&cylinder.rot, 0), column(&cylinder.rot, 1));
     let (x, y) = (-dot(&normal, &x_axis), -dot(&normal, &y_axis));
     let length = y.mul_add(y, x * x).sqrt();
-    let flat = length.lt(L::of(L::Real::MINVAL));
+    let flat = length.lt(rounding());
     let inverse = radius / L::select(flat, L::one(), length);
     let (x, y) = (L::select(flat, radius, x * inverse), L::select(flat, L::zero(), y * inverse));
     let rim = scale_add(y, &y_axis, &scale(x, &x_axis));

@@ -1,17 +1,24 @@
 //! A sphere against sphere, capsule, cylinder and box.
 
 use super::pair::{Body, Candidate};
-use crate::lane::Lane;
-use crate::lane::Real;
+use crate::lane::{Lane, Real};
 use crate::math::vec3::{Vec3, add, cross, dot, mul, mul_t, neg, norm, normalize, scale, scale_add, select, sub, zero};
 
-/// Two spheres given by centre and radius. Coincident centres: the normal is orthogonal to both z axes.
+/// What rounding may leave of a number of size one: a difference within it is none, so that ties are broken in the shapes'
+/// own axes, whatever the scene's orientation.
+pub(super) fn rounding<L: Lane>() -> L {
+    L::of((16.0 * L::Real::EPSILON).max(L::Real::MINVAL))
+}
+
+/// Two spheres given by centre and radius. Coincident centres: the normal is orthogonal to both z axes; the world's x axis
+/// if these are parallel.
 #[inline(always)]
 pub(super) fn balls<L: Lane>(c1: &Vec3<L>, r1: L, z1: &Vec3<L>, c2: &Vec3<L>, r2: L, z2: &Vec3<L>) -> Candidate<L> {
     let between = sub(c2, c1);
     let length = norm(&between);
     let coincident = length.lt(L::of(L::Real::MINVAL));
-    let fallback = normalize(&cross(z1, z2)).0;
+    let (across, sin) = normalize(&cross(z1, z2));
+    let fallback = select(sin.lt(rounding()), &[L::one(), L::zero(), L::zero()], &across);
     let inverse = L::one() / L::select(coincident, L::one(), length);
     let normal = select(coincident, &fallback, &scale(inverse, &between));
     let dist = length - (r1 + r2);
@@ -44,7 +51,8 @@ pub(super) fn cylinder<L: Lane>(sphere: &Body<L>, cylinder: &Body<L>) -> Candida
     let on_axis = scale_add(along, &axis, &cylinder.pos);
     let side = balls(&sphere.pos, sphere.size[0], &sphere.axis(), &on_axis, radius, &axis);
     // The cap on the sphere's side, as a plane; the normal points from sphere to cylinder.
-    let top = along.ge(L::zero());
+    let slack = rounding::<L>() * (radius + half);
+    let top = along.gt(slack);
     let outward = select(top, &axis, &neg(&axis));
     let cap_dist = along.abs() - half - sphere.size[0];
     let cap = Candidate {
@@ -56,7 +64,7 @@ pub(super) fn cylinder<L: Lane>(sphere: &Body<L>, cylinder: &Body<L>) -> Candida
     let rim_direction = scale(L::one() / L::select(distance.lt(L::of(L::Real::MINVAL)), L::one(), distance), &radial);
     let rim = scale_add(half, &outward, &scale_add(radius, &rim_direction, &cylinder.pos));
     let rim = balls(&sphere.pos, sphere.size[0], &sphere.axis(), &rim, L::zero(), &axis);
-    let shallow_side = (half - along.abs()).gt(radius - distance);
+    let shallow_side = (half - along.abs()).ge(radius - distance - slack);
     let use_side = within_height & (!within_radius | shallow_side);
     let use_cap = within_radius & !use_side;
     super::capsule::select(use_side, &side, &super::capsule::select(use_cap, &cap, &rim))
@@ -74,9 +82,10 @@ pub(super) fn cuboid<L: Lane>(sphere: &Body<L>, cuboid: &Body<L>) -> Candidate<L
     let mut depth = L::of(L::Real::MAXVAL);
     let mut face: Vec3<L> = zero();
     for i in 0..3 {
-        let sign = L::select(local[i].lt(L::zero()), -L::one(), L::one());
+        let slack = rounding::<L>() * cuboid.size[i];
+        let sign = L::select(local[i].gt(slack), L::one(), -L::one());
         let here = cuboid.size[i] - local[i].abs();
-        let less = here.lt(depth);
+        let less = here.lt(depth - slack);
         let mut direction = zero();
         direction[i] = sign;
         face = select(less, &direction, &face);

@@ -64,6 +64,9 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
     let (mut component, mut jacobian) = (0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {
         let pair = &model.pairs[slot.pair as usize];
+        if pair.rigid() {
+            continue;
+        }
         let lanes = L::bits(Contact(&collision.found()[slot.place as usize]).dist().lt(L::splat(pair.margin)));
         if lanes == 0 {
             continue;

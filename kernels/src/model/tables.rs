@@ -263,6 +263,14 @@ table! {
     } T
 }
 
+impl<T> Pair<T> {
+    /// Whether the geoms cannot move against each other: the contacts are reported and have no rows. Only MJCF's `pair` names
+    /// such geoms.
+    pub fn rigid(&self) -> bool {
+        self.link1 == self.link2
+    }
+}
+
 /// What moves at a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Sides {
