@@ -23,6 +23,7 @@ pub mod rows;
 pub mod spec;
 pub mod status;
 mod store;
+pub mod suggest;
 pub mod worlds;
 
 pub use compile::compile;

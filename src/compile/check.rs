@@ -2,12 +2,13 @@
 
 use std::collections::HashSet;
 
-use super::names::{self, label, suggestion};
+use super::names::{self, label};
 use crate::diagnostics::Diagnostics;
 use crate::spec::{
     Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Options, Pair, Shape, Source, Spec, Transmission,
     Tri,
 };
+use crate::suggest::did_you_mean;
 
 /// One element under examination.
 struct Element<'a> {
@@ -25,7 +26,7 @@ impl Element<'_> {
     fn unknown<'b>(&mut self, message: String, name: &str, candidates: impl Iterator<Item = &'b str>) {
         const SUGGESTED: usize = 20;
         let few = self.diagnostics.0.len() < SUGGESTED;
-        let hint = if few { suggestion(name, candidates) } else { String::new() };
+        let hint = if few { did_you_mean(name, candidates) } else { String::new() };
         self.refuse(message, hint);
     }
 

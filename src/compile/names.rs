@@ -10,34 +10,6 @@ pub(crate) fn label(kind: &str, name: &str, index: usize) -> String {
     if name.is_empty() { format!("{kind} #{index}") } else { format!("{kind} \"{name}\"") }
 }
 
-/// `: did you mean "x"?` for the closest of `candidates`, or nothing if none is close.
-pub(crate) fn suggestion<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> String {
-    const LOOKED_AT: usize = 2000;
-    let limit = name.chars().count() / 3 + 1;
-    candidates
-        .take(LOOKED_AT)
-        .filter(|c| !c.is_empty() && c.len().abs_diff(name.len()) <= limit)
-        .map(|c| (distance(name, c), c))
-        .filter(|&(d, _)| d <= limit)
-        .min()
-        .map_or(String::new(), |(_, c)| format!("did you mean \"{c}\"?"))
-}
-
-/// Levenshtein's distance.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, &y) in b.iter().enumerate() {
-            let change = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = change.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
-}
-
 /// Refuses two elements of one kind and one name.
 pub(crate) fn check_unique(spec: &Spec, diagnostics: &mut Diagnostics) {
     let bodies = &spec.bodies;
@@ -66,17 +38,5 @@ fn unique<'a>(kind: &str, elements: impl Iterator<Item = (&'a String, &'a Source
                 diagnostics.push(source, label(kind, name, i), format!("repeated name{place}"), "rename one of them");
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn suggestions() {
-        let known = ["left_knee", "right_knee", "hip"];
-        assert_eq!(suggestion("left_kne", known.into_iter()), "did you mean \"left_knee\"?");
-        assert_eq!(suggestion("shoulder", known.into_iter()), "");
     }
 }

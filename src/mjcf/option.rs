@@ -1,10 +1,11 @@
 //! `option` and `flag`: run-time options, and their overrides from outside the file.
 
-use super::report::{Report, file_problem, propose, quoted};
+use super::report::{Report, file_problem, quoted};
 use super::tree::{Element, Tree};
 use super::value::{exactly, integer, integers, keyword, leading};
 use crate::diagnostics::Diagnostics;
 use crate::spec::{Options, Source};
+use crate::suggest::did_you_mean;
 use lanesim_kernels::options::{Cone, Flags, Integrator, Solver};
 
 /// The attributes of `option`.
@@ -58,10 +59,10 @@ pub(super) fn apply(overrides: &[(String, String)], options: &mut Options) -> Re
         let result = match (is(NAMES), is(FLAGS)) {
             (false, false) => {
                 let all = NAMES.split_ascii_whitespace().chain(FLAGS.split_ascii_whitespace());
-                let near = propose(name, all.clone());
+                let near = did_you_mean(name, all.clone());
                 let list: Vec<&str> = all.collect();
-                let near = if near.starts_with("did") { format!("{near} ") } else { String::new() };
-                let remedy = format!("{near}valid: {}", list.join(", "));
+                let remedy = format!("{near} valid: {}", list.join(", "));
+                let remedy = remedy.trim_start();
                 problems.push(&Source::default(), "", format!("unknown option {}", quoted(name)), remedy);
                 continue;
             }

@@ -4,6 +4,7 @@ use super::tree::Element;
 use super::value::shorten;
 use crate::diagnostics::Diagnostics;
 use crate::spec::{Pair, Source, Spec};
+use crate::suggest;
 
 /// Most problems that are listed; the rest are counted.
 const MOST_PROBLEMS: usize = 50;
@@ -44,7 +45,7 @@ impl Report {
 
     /// A remedy for an unknown word. To search costs time, so none is sought once problems are only counted.
     pub fn propose<'a>(&self, word: &str, words: impl Iterator<Item = &'a str> + Clone) -> String {
-        if self.problems.0.len() < MOST_PROBLEMS { propose(word, words) } else { String::new() }
+        if self.problems.0.len() < MOST_PROBLEMS { suggest::or_list(word, words) } else { String::new() }
     }
 
     /// An element or attribute that changes the physics and is not supported: a loss if lenient, otherwise a problem.
@@ -92,45 +93,6 @@ pub(super) fn file_problem(source: &Source, message: impl Into<String>, remedy: 
     let mut problems = Diagnostics::default();
     problems.push(source, "", message, remedy);
     problems
-}
-
-/// The word among `words` that `word` was probably meant to be.
-pub(super) fn nearest<'a>(word: &str, words: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = (word.chars().count() / 3).clamp(1, 3);
-    words.map(|w| (distance(word, w), w)).filter(|&(d, _)| d <= limit).min_by_key(|&(d, _)| d).map(|(_, w)| w)
-}
-
-/// A remedy that proposes the nearest valid word, or lists all of them if none is near and there are few.
-pub(super) fn propose<'a>(word: &str, words: impl Iterator<Item = &'a str> + Clone) -> String {
-    if let Some(near) = nearest(word, words.clone()) {
-        return format!("did you mean \"{near}\"?");
-    }
-    let list: Vec<&str> = words.collect();
-    match list.len() {
-        0 => String::new(),
-        1..=40 => format!("valid: {}", list.join(", ")),
-        _ => String::new(),
-    }
-}
-
-/// Number of characters to insert, delete, replace or swap with a neighbour to turn one word into another.
-fn distance(a: &str, b: &str) -> usize {
-    // A long word is near to nothing, and the table below is quadratic.
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().take(40).collect(), b.chars().take(40).collect());
-    let mut older = vec![0; b.len() + 1];
-    let mut previous: Vec<usize> = (0..=b.len()).collect();
-    for i in 1..=a.len() {
-        let mut current = vec![i; b.len() + 1];
-        for j in 1..=b.len() {
-            let replace = previous[j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            current[j] = replace.min(previous[j] + 1).min(current[j - 1] + 1);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                current[j] = current[j].min(older[j - 2] + 1);
-            }
-        }
-        older = std::mem::replace(&mut previous, current);
-    }
-    previous[b.len()]
 }
 
 /// A name in quotes, safe to print.
