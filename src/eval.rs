@@ -3,9 +3,12 @@
 use std::collections::BTreeMap;
 
 use crate::error::Error;
+use crate::memory;
 use crate::model::{ArrayData, Model};
 use crate::npz::{Array, Data};
 use crate::outputs::Output;
+use crate::rows::Rows;
+use crate::suggest;
 use crate::worlds::{Field, Options, Worlds};
 
 /// What a field name stands for.
@@ -34,18 +37,14 @@ pub fn eval(
     let nworld = count(model, inputs)?;
     let outputs: Vec<Output> =
         requests.iter().filter_map(|r| if let Request::World(output) = r { Some(*output) } else { None }).collect();
-    let mut columns: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(nworld); outputs.len()];
+    let mut columns = Vec::new();
     if !outputs.is_empty() {
         let mut worlds = Worlds::new(model, nworld, options)?;
         load(model, inputs, &mut worlds)?;
         if nstep > 0 {
             worlds.step(nstep)?;
         }
-        worlds.forward(&outputs, &mut |_, values| {
-            for (column, value) in columns.iter_mut().zip(values) {
-                column.push(value);
-            }
-        });
+        columns = compute(model, &mut worlds, &outputs)?;
     }
     let mut columns = columns.into_iter();
     let mut out = Vec::with_capacity(fields.len());
@@ -58,7 +57,7 @@ pub fn eval(
                 };
                 Array::new(shape, data)
             }
-            Request::World(output) => join(model, &output, columns.next().unwrap_or_default()),
+            Request::World(output) => columns.next().map_or(Ok(None), |column| column.array(model, nworld, &output))?,
         };
         let array = array.ok_or_else(|| Error::Input(format!("{name} has more entries than can be counted")))?;
         out.push(((*name).to_string(), array));
@@ -71,8 +70,9 @@ fn request(model: &Model, name: &str) -> Result<Request, Error> {
         return Ok(Request::Model(array.data.clone(), array.shape.clone()));
     }
     Output::named(name).map(Request::World).map_err(|e| {
-        let arrays: Vec<&str> = model.array_names().collect();
-        Error::Unknown(format!("{e}; model arrays are {}", arrays.join(", ")))
+        let known = Output::all().map(|(name, _)| name).chain(model.array_names());
+        let near = suggest::did_you_mean(name, known);
+        if near.is_empty() { e } else { Error::Unknown(format!("there is no output or model array {name}; {near}")) }
     })
 }
 
@@ -81,8 +81,8 @@ fn count(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<usize, Error
     let mut nworld = None;
     for (name, array) in inputs {
         let Some(field) = INPUTS.iter().find(|field| field.name() == name.as_str()) else {
-            let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
-            return Err(Error::Input(format!("unknown input array {name}; inputs are {}", known.join(", "))));
+            let remedy = suggest::or_list(name, INPUTS.map(Field::name));
+            return Err(Error::Input(format!("unknown input array {name}; {remedy}")));
         };
         let width = field.len(model);
         let n = array.shape().first().copied().unwrap_or(0);
@@ -111,22 +111,62 @@ fn load(model: &Model, inputs: &BTreeMap<String, Array>, worlds: &mut Worlds) ->
     Ok(())
 }
 
-/// One array from the worlds' rows.
-fn join(model: &Model, output: &Output, rows: Vec<Vec<f64>>) -> Option<Array> {
-    let (fixed, rest) = output.shape(model);
-    let mut shape = vec![rows.len()];
-    let width: usize = rest.iter().product();
-    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
-    if !fixed {
-        shape.push(longest.checked_div(width).unwrap_or(0));
+/// An output of all worlds.
+enum Column {
+    /// Rows of one length, end to end.
+    Rows(Vec<f64>),
+    /// A list per world.
+    Lists(Vec<Vec<f64>>),
+}
+
+/// Computes the outputs of the worlds' present states.
+fn compute(model: &Model, worlds: &mut Worlds, outputs: &[Output]) -> Result<Vec<Column>, Error> {
+    const WHAT: &str = "the outputs";
+    let nworld = worlds.nworld();
+    let ragged: Vec<Output> = outputs.iter().filter(|output| output.width(model).is_none()).copied().collect();
+    let mut columns = Vec::with_capacity(outputs.len());
+    for output in outputs {
+        columns.push(match output.width(model) {
+            Some(width) => Column::Rows(memory::zeros(WHAT, &[nworld, width])?),
+            None => Column::Lists(vec![Vec::new(); nworld]),
+        });
     }
-    shape.extend(rest);
-    let len = if fixed { width } else { longest };
-    let mut data = Vec::with_capacity(len * rows.len());
-    for row in &rows {
-        data.extend_from_slice(row);
-        data.resize(data.len() + len - row.len(), 0.0);
+    if !ragged.is_empty() {
+        worlds.ask_for_lists(&ragged)?;
     }
-    let data = if output.is_integer() { Data::I32(data.iter().map(|x| *x as i32).collect()) } else { Data::F64(data) };
-    Array::new(shape, data)
+    let rows = columns.iter_mut().map(|column| match column {
+        Column::Rows(rows) => Rows::F64(rows),
+        Column::Lists(lists) => Rows::Lists(lists),
+    });
+    let names: Vec<&str> = outputs.iter().map(Output::name).collect();
+    worlds.read_all(&names, rows.collect())?;
+    Ok(columns)
+}
+
+impl Column {
+    /// As an array `[nworld, ...]`, lists padded with zeros to the longest.
+    fn array(self, model: &Model, nworld: usize, output: &Output) -> Result<Option<Array>, Error> {
+        let mut rest = output.shape(model).1;
+        let data = match self {
+            Column::Rows(rows) => rows,
+            Column::Lists(lists) => {
+                let width: usize = rest.iter().product();
+                let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
+                rest.insert(0, longest.checked_div(width).unwrap_or(0));
+                let mut data = memory::zeros("the outputs", &[lists.len(), longest])?;
+                for (row, list) in data.chunks_exact_mut(longest.max(1)).zip(&lists) {
+                    row[..list.len()].copy_from_slice(list);
+                }
+                data
+            }
+        };
+        let data = if output.is_integer() {
+            memory::ask("the outputs", &[data.len(), size_of::<i32>()])?;
+            Data::I32(data.iter().map(|x| *x as i32).collect())
+        } else {
+            Data::F64(data)
+        };
+        rest.insert(0, nworld);
+        Ok(Array::new(rest, data))
+    }
 }

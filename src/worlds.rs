@@ -515,12 +515,45 @@ impl Worlds {
 
     /// Computes `outputs` without stepping, no more than they need, and hands each world's to `sink`, in the order of
     /// worlds: world, then one array per output.
-    pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) {
+    ///
+    /// # Errors
+    /// If the system does not give the memory for them.
+    pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) -> Result<(), Error> {
+        self.ask_for_lists(outputs)?;
         let mut lists = vec![vec![Vec::new(); self.nworld()]; outputs.len()];
         self.engine.read_all(outputs, lists.iter_mut().map(|list| Rows::Lists(list)).collect());
         for world in 0..self.nworld() {
             sink(world, lists.iter_mut().map(|list| std::mem::take(&mut list[world])).collect());
         }
+        Ok(())
+    }
+
+    /// An error if there is no memory for a list per world of each of these outputs.
+    pub(crate) fn ask_for_lists(&mut self, outputs: &[Output]) -> Result<(), Error> {
+        /// What the allocator keeps beside each list.
+        const OVERHEAD: usize = 16;
+        /// Lists grow on the threads of workers, for whose sake the allocator takes address space in pieces of this size
+        /// and becomes very slow when there is none.
+        const SLACK: usize = 128 << 20;
+        const WHAT: &str = "the outputs";
+        let nworld = self.nworld();
+        let fixed: usize = outputs.iter().filter_map(|output| output.width(&self.model)).sum();
+        let each = outputs.len() * (size_of::<Vec<f64>>() + OVERHEAD) + fixed * size_of::<f64>();
+        let ragged = outputs.iter().filter(|output| output.width(&self.model).is_none());
+        let (contacts, rows): (Vec<&Output>, Vec<&Output>) = ragged.partition(|o| o.name().starts_with("contact"));
+        let width =
+            |outputs: &[&Output]| outputs.iter().map(|o| o.shape(&self.model).1.iter().product::<usize>()).sum();
+        let (per_contact, per_row): (usize, usize) = (width(&contacts), width(&rows));
+        let mut numbers = 0;
+        if per_contact + per_row > 0 {
+            let mut counts = [memory::zeros(WHAT, &[nworld])?, memory::zeros(WHAT, &[nworld])?];
+            self.read_all(&["ncon", "nefc"], counts.iter_mut().map(|c| Rows::F64(c)).collect())?;
+            let [ncon, nefc] = counts.map(|c| c.iter().sum::<f64>() as usize);
+            numbers = ncon * per_contact + nefc * per_row;
+        }
+        let lists = memory::product(&[nworld, each]).and_then(|n| n.checked_add(numbers.checked_mul(8)?));
+        let total = lists.and_then(|n| n.checked_add(n / 4)?.checked_add(SLACK));
+        memory::ask(WHAT, &[total.ok_or(Error::Memory { what: WHAT, bytes: None })?])
     }
 
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.

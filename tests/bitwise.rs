@@ -208,12 +208,14 @@ fn the_long_runs_have_contacts_of_every_kind() {
     let (mut between_links, mut with_floor) = (0, 0);
     for _ in 0..20 {
         worlds.step(50).expect("steps");
-        worlds.forward(&geoms, &mut |_, values| {
-            for pair in values[0].chunks(2) {
-                let still = pair.iter().any(|geom| body(*geom) == lanesim_kernels::model::NONE);
-                *(if still { &mut with_floor } else { &mut between_links }) += 1;
-            }
-        });
+        worlds
+            .forward(&geoms, &mut |_, values| {
+                for pair in values[0].chunks(2) {
+                    let still = pair.iter().any(|geom| body(*geom) == lanesim_kernels::model::NONE);
+                    *(if still { &mut with_floor } else { &mut between_links }) += 1;
+                }
+            })
+            .expect("memory");
     }
     assert!(
         between_links > 10 && with_floor > 100,

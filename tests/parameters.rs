@@ -228,7 +228,9 @@ fn run(worlds: &mut Worlds, ids: &[usize]) -> Vec<Vec<u64>> {
     let rollout = Rollout { nstep: STEPS, controls, outputs: &outputs[..2], ..Rollout::default() };
     let mut rows = worlds.rollout(&rollout).expect("a rollout").outputs;
     let mut last = vec![Vec::new(); outputs.len()];
-    worlds.forward(&outputs, &mut |_, lists| last.iter_mut().zip(lists).for_each(|(all, own)| all.extend(own)));
+    worlds
+        .forward(&outputs, &mut |_, lists| last.iter_mut().zip(lists).for_each(|(all, own)| all.extend(own)))
+        .expect("memory");
     rows.extend(last);
     let of_world = |world: usize| {
         let part = |values: &Vec<f64>| {
@@ -339,7 +341,7 @@ fn parameters_are_set_where_the_mask_says() {
 
 #[test]
 fn impossible_numbers_are_named() {
-    fails(Parameter::named("body_color"), "body_color cannot differ between worlds; what can: gravity, dof_damping");
+    fails(Parameter::named("body_color"), "body_color cannot differ between worlds; valid: gravity, dof_damping");
     fails(Parameter::named("body_ipos"), "inverse weights of limits and contacts and the mean inertia follow from it");
     let mut worlds = Worlds::new(&Numbers::nominal().model(""), 3, &Options::default()).expect("a batch");
     fails(worlds.set_parameter(Parameter::Gravity, 3, &[0.0; 3]), "there is no world 3: the batch has 3");
@@ -420,7 +422,7 @@ fn outputs_have_the_worlds_masses() {
     let outputs = ["subtree_com", "energy", "qM"].map(|name| Output::named(name).expect("an output"));
     let read = |worlds: &mut Worlds| {
         let mut last = Vec::new();
-        worlds.forward(&outputs, &mut |_, lists| last = lists);
+        worlds.forward(&outputs, &mut |_, lists| last = lists).expect("memory");
         last
     };
     let (nominal, own) = (Numbers::nominal(), Numbers::of(2).only(Parameter::BodyMass));

@@ -254,7 +254,7 @@ fn spinning_about_the_middle_axis_turns_over() {
     let energy = Output::named("energy").expect("an output");
     let kinetic = |worlds: &mut Worlds| {
         let mut found = 0.0;
-        worlds.forward(&[energy], &mut |_, values| found = values[0][1]);
+        worlds.forward(&[energy], &mut |_, values| found = values[0][1]).expect("memory");
         found
     };
     let before = kinetic(&mut worlds);
@@ -281,7 +281,7 @@ fn pendulum_drift(timestep: f64) -> f64 {
     let steps = (2.0 / timestep).round() as usize;
     for _ in 0..=steps {
         let mut now = 0.0;
-        worlds.forward(&[energy], &mut |_, values| now = values[0][0] + values[0][1]);
+        worlds.forward(&[energy], &mut |_, values| now = values[0][0] + values[0][1]).expect("memory");
         worst = worst.max((now - *first.get_or_insert(now)).abs());
         worlds.step(1).expect("a step");
     }

@@ -31,9 +31,11 @@ fn scatter(model: &Model, worlds: &mut Worlds, seed: u64) {
 /// Bits of outputs, world by world and output by output.
 fn forward(worlds: &mut Worlds, outputs: &[Output]) -> Vec<Vec<Vec<u64>>> {
     let mut all = Vec::new();
-    worlds.forward(outputs, &mut |_, values| {
-        all.push(values.into_iter().map(|row| row.into_iter().map(f64::to_bits).collect()).collect());
-    });
+    worlds
+        .forward(outputs, &mut |_, values| {
+            all.push(values.into_iter().map(|row| row.into_iter().map(f64::to_bits).collect()).collect());
+        })
+        .expect("memory");
     all
 }
 

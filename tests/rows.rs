@@ -72,7 +72,9 @@ fn outputs_are_the_same_wherever_they_go() {
         let rows = vec![Rows::F64(&mut now), Rows::Lists(&mut lists)];
         batch.read_all(&["qvel", "contact_dist"], rows).expect("to be read");
         assert_eq!(now, batch.get_all(Field::Qvel));
-        batch.forward(&outputs(&["contact_dist"]), &mut |world, values| assert_eq!(values[0], lists[world]));
+        batch
+            .forward(&outputs(&["contact_dist"]), &mut |world, values| assert_eq!(values[0], lists[world]))
+            .expect("memory");
     }
 }
 

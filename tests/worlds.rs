@@ -55,7 +55,7 @@ fn wrong_controls_are_named() {
 
 #[test]
 fn wrong_outputs_are_named() {
-    fails(Output::named("xpso"), "there is no output xpso; there are time, qpos");
+    fails(Output::named("xpso"), "there is no output xpso; did you mean \"xpos\"?");
     let mut worlds = worlds(&load("zoo/hopper"), 2);
     let ragged = outputs(["contact_dist"]);
     let rollout = Rollout { nstep: 1, outputs: &ragged, ..Rollout::default() };
@@ -97,7 +97,7 @@ fn what_is_not_built_yet_says_so() {
         let mut worlds = worlds(&model, 1);
         fails(worlds.step(1), &format!("{message} is not built yet (set option integrator=Euler)"));
         assert_eq!(worlds.get(Field::Time, 0).expect("the time"), [0.0], "nothing has run");
-        worlds.forward(&[], &mut |_, _| {});
+        worlds.forward(&[], &mut |_, _| {}).expect("memory");
     }
 }
 
@@ -243,13 +243,15 @@ fn every_output_has_the_length_that_it_announces() {
         let model = load(name);
         let all: Vec<Output> = Output::all().map(|(name, _)| Output::named(name).expect("an output")).collect();
         assert!(Output::all().all(|(name, meaning)| !name.is_empty() && !meaning.is_empty()));
-        worlds(&model, 3).forward(&all, &mut |_, values| {
-            for (output, values) in all.iter().zip(&values) {
-                if let Some(width) = output.width(&model) {
-                    assert_eq!(values.len(), width, "{name} {}", output.name());
+        worlds(&model, 3)
+            .forward(&all, &mut |_, values| {
+                for (output, values) in all.iter().zip(&values) {
+                    if let Some(width) = output.width(&model) {
+                        assert_eq!(values.len(), width, "{name} {}", output.name());
+                    }
                 }
-            }
-        });
+            })
+            .expect("memory");
     }
 }
 
@@ -278,7 +280,7 @@ fn every_output_is_the_same_alone() {
             };
             let collect = |worlds: &mut Worlds, outputs: &[Output]| {
                 let mut rows = vec![];
-                worlds.forward(outputs, &mut |_, values| rows.push(values));
+                worlds.forward(outputs, &mut |_, values| rows.push(values)).expect("memory");
                 rows
             };
             let together = collect(&mut start(-0.9), &all);
@@ -359,7 +361,7 @@ fn a_world_keeps_its_first_contacts_and_says_that_there_were_more() {
     let run = |max_contacts: usize| {
         let mut worlds = Worlds::new(&model, 1, &Options { max_contacts, ..wide() }).expect("a batch");
         let mut counts = vec![];
-        worlds.forward(&outputs(["ncon"]), &mut |_, values| counts.push(values[0][0]));
+        worlds.forward(&outputs(["ncon"]), &mut |_, values| counts.push(values[0][0])).expect("memory");
         (counts[0], worlds.status(0).expect("a status").names())
     };
     assert_eq!(run(6), (6.0, vec![]));

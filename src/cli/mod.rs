@@ -7,6 +7,7 @@ mod arrays;
 mod bench;
 mod check;
 mod clock;
+mod destination;
 mod engine;
 mod eval;
 mod failure;
@@ -20,13 +21,17 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use lanesim::Model;
+use lanesim::outputs::Output;
+
+use failure::Failure;
 
 const EXAMPLES: &str = "\
 Examples:
   lanesim check models/zoo/ant.xml --steps 1000
   lanesim info models/zoo/ant.xml --json
   lanesim rollout models/zoo/ant.xml --worlds 256 --steps 500 --noise --outputs qpos,qvel -o ant.npz
-  lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --fields qM,qacc
+  lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --outputs qM,qacc
   lanesim bench models/zoo/humanoid18.xml --worlds 4096 --steps 100 --precision f32
 
 Exit status: 0 success, 1 the model or an input was rejected, 2 the command line is wrong.";
@@ -65,6 +70,30 @@ struct ModelArgs {
     /// Override an attribute of MJCF's `option`, such as timestep=0.005 or integrator=Euler; repeatable
     #[arg(long = "option", value_name = "NAME=VALUE", value_parser = name_value)]
     options: Vec<(String, String)>,
+}
+
+/// Where worlds start.
+#[derive(Args)]
+struct KeyArgs {
+    /// Keyframe from which worlds start, by its name or its number counted from 0
+    #[arg(long, value_name = "NAME|N")]
+    keyframe: Option<String>,
+}
+
+impl KeyArgs {
+    /// The keyframe's number, if one is given.
+    fn find(&self, model: &Model) -> Result<Option<usize>, Failure> {
+        self.keyframe.as_ref().map(|text| engine::keyframe(model, text)).transpose()
+    }
+}
+
+/// What is read of archives.
+#[derive(Args)]
+struct InputArgs {
+    /// Most memory that the arrays of an input file may take, such as 500M or 8G (bytes, or k, M, G, T: 8 bytes per
+    /// number) [default: 256 MiB or 100 times the file's size, whichever is more]
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    input_limit: Option<u64>,
 }
 
 /// How worlds are stepped.
@@ -133,8 +162,26 @@ fn count(text: &str) -> Result<usize, String> {
 
 /// A share from 0 to 1.
 fn share(text: &str) -> Result<f64, String> {
-    let share: f64 = text.parse().map_err(|e| format!("{e}"))?;
-    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("must be from 0 to 1".into()) }
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        Ok(_) => Err("must be from 0 to 1".into()),
+        Err(_) => Err("must be a number from 0 to 1; if this is the model, put it first".into()),
+    }
+}
+
+/// A number of bytes, with a unit or without.
+fn bytes(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_ascii_lowercase().trim_end_matches("ib").trim_end_matches('b') {
+        "" => Some(1u64),
+        "k" => Some(1 << 10),
+        "m" => Some(1 << 20),
+        "g" => Some(1 << 30),
+        "t" => Some(1 << 40),
+        _ => None,
+    };
+    let size = unit.and_then(|unit| digits.parse::<u64>().ok()?.checked_mul(unit));
+    size.ok_or_else(|| "expected a number of bytes, such as 500M or 8G".into())
 }
 
 fn name_value(text: &str) -> Result<(String, String), String> {
@@ -142,6 +189,15 @@ fn name_value(text: &str) -> Result<(String, String), String> {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
         _ => Err("expected NAME=VALUE, for example timestep=0.005".into()),
     }
+}
+
+/// The end of a command's long help: examples, and what can be asked for.
+fn with_outputs(examples: &str) -> String {
+    let width = Output::all().map(|(name, _)| name.len()).max().unwrap_or(0);
+    let lines: String = Output::all().map(|(name, what)| format!("  {name:<width$}  {what}\n")).collect();
+    format!(
+        "{examples}\n\nOutputs (all but those of contacts and constraint rows have the same length in every world):\n{lines}"
+    )
 }
 
 /// Runs a command; the exit status is documented in the help.
@@ -183,6 +239,14 @@ mod tests {
         assert_eq!(["0", "0.25", "1"].map(share), [Ok(0.0), Ok(0.25), Ok(1.0)]);
         for bad in ["-0.1", "1.01", "nan", "inf", "all"] {
             assert!(share(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sizes_have_units() {
+        assert_eq!(["12", "3k", "500M", "8GB", "1GiB"].map(bytes), [12, 3 << 10, 500 << 20, 8 << 30, 1 << 30].map(Ok));
+        for bad in ["", "G", "-1", "1.5G", "1X", "99999999999T", "1é"] {
+            assert!(bytes(bad).is_err(), "{bad}");
         }
     }
 

@@ -123,9 +123,10 @@ fn too_large(total: u64, limit: u64, length: u64) -> String {
     let gb = |bytes: u64| bytes as f64 / 1e9;
     format!(
         "would bring the arrays of this file of {length} bytes to {:.2} GB of memory, above the limit of {:.2} GB; \
-         if they are meant to be so large, raise it (--input-limit)",
+         if they are meant to be so large, raise it (--input-limit {}G)",
         gb(total),
-        gb(limit)
+        gb(limit),
+        total.div_ceil(1 << 30)
     )
 }
 

@@ -13,6 +13,7 @@ use crate::block::Block;
 use crate::error::Error;
 use crate::model::Model;
 use crate::rows::Rows;
+use crate::suggest;
 use crate::worlds::Field;
 
 /// A world's stages, for outputs.
@@ -153,6 +154,9 @@ const TABLE: [(&str, Kind, &str); 61] = [
     ("efc_force", Kind::EfcForce, "forces of rows"),
 ];
 
+/// Where the names of all outputs are, for who meant none that is near.
+const LISTED: &str = "`lanesim rollout --help`, lanesim.OUTPUTS in Python and Output::all in Rust list them";
+
 /// An output that was asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Output {
@@ -164,8 +168,9 @@ impl Output {
     /// The output called `name`.
     pub fn named(name: &str) -> Result<Output, Error> {
         TABLE.iter().find(|row| row.0 == name).map(|row| Output { name: row.0, kind: row.1 }).ok_or_else(|| {
-            let names: Vec<&str> = TABLE.iter().map(|row| row.0).collect();
-            Error::Unknown(format!("there is no output {name}; there are {}", names.join(", ")))
+            let near = suggest::did_you_mean(name, TABLE.iter().map(|row| row.0));
+            let remedy = if near.is_empty() { LISTED } else { &near };
+            Error::Unknown(format!("there is no output {name}; {remedy}"))
         })
     }
 

@@ -65,7 +65,7 @@ fn forward(worlds: &mut Worlds, fields: &[&str]) -> Vec<Vec<Vec<f64>>> {
     let outputs: Vec<Output> =
         fields.iter().map(|name| Output::named(name).unwrap_or_else(|e| panic!("{e}"))).collect();
     let mut found = Vec::new();
-    worlds.forward(&outputs, &mut |_, values| found.push(values));
+    worlds.forward(&outputs, &mut |_, values| found.push(values)).expect("memory");
     found
 }
 
