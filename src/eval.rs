@@ -7,6 +7,7 @@ use crate::memory;
 use crate::model::{ArrayData, Model};
 use crate::npz::{Array, Data};
 use crate::outputs::Output;
+use crate::suggest;
 use crate::worlds::{Column, Field, Options, Worlds};
 
 /// What a field name stands for.
@@ -71,8 +72,9 @@ fn request(model: &Model, name: &str) -> Result<Request, Error> {
         return Ok(Request::Model(array.data.clone(), array.shape.clone()));
     }
     Output::named(name).map(Request::World).map_err(|e| {
-        let arrays: Vec<&str> = model.array_names().collect();
-        Error::Unknown(format!("{e}; model arrays are {}", arrays.join(", ")))
+        let known = Output::all().map(|(name, _)| name).chain(model.array_names());
+        let near = suggest::did_you_mean(name, known);
+        if near.is_empty() { e } else { Error::Unknown(format!("there is no output or model array {name}; {near}")) }
     })
 }
 
@@ -81,8 +83,8 @@ fn count(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<usize, Error
     let mut nworld = None;
     for (name, array) in inputs {
         let Some(field) = INPUTS.iter().find(|field| field.name() == name.as_str()) else {
-            let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
-            return Err(Error::Input(format!("unknown input array {name}; inputs are {}", known.join(", "))));
+            let remedy = suggest::or_list(name, INPUTS.map(Field::name));
+            return Err(Error::Input(format!("unknown input array {name}; {remedy}")));
         };
         let width = field.len(model);
         let n = array.shape().first().copied().unwrap_or(0);

@@ -42,3 +42,8 @@ pub use subset::Reading;
 pub use worlds::{Backend, CodePart, Field, Options, Precision, Running, Worlds};
 
 pub use lanesim_codegen::{InstructionSet, Statistics as CodeStatistics};
+
+/// The Rust in the README is tested as documentation is.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -566,7 +566,6 @@ impl Worlds {
             (Precision::F32, false) => Batch::<f32x16>::memory_of(model),
         }
     }
-
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.
     pub fn state_hash(&self) -> u64 {
         self.engine.state_hash()

@@ -341,7 +341,7 @@ fn parameters_are_set_where_the_mask_says() {
 
 #[test]
 fn impossible_numbers_are_named() {
-    fails(Parameter::named("body_color"), "body_color cannot differ between worlds; what can: gravity, dof_damping");
+    fails(Parameter::named("body_color"), "body_color cannot differ between worlds; valid: gravity, dof_damping");
     fails(Parameter::named("body_ipos"), "inverse weights of limits and contacts and the mean inertia follow from it");
     let mut worlds = Worlds::new(&Numbers::nominal().model(""), 3, &Options::default()).expect("a batch");
     fails(worlds.set_parameter(Parameter::Gravity, 3, &[0.0; 3]), "there is no world 3: the batch has 3");

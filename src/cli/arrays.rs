@@ -1,9 +1,11 @@
 //! Arrays that the user gives: every name, shape and number is checked before anything runs.
 
-use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
-use lanesim::npz::{self, Array};
+use lanesim::npz::Archive;
+use lanesim::suggest;
 
 use super::failure::Failure;
 
@@ -11,44 +13,49 @@ use super::failure::Failure;
 #[derive(Clone, Copy)]
 pub struct Dim(pub &'static str, pub usize);
 
-/// The arrays of a file, taken out one by one.
-pub struct Inputs {
+/// The arrays of a file, taken out one by one. Their numbers are not read before their shapes have been checked.
+pub struct Inputs<R = BufReader<File>> {
     path: PathBuf,
-    arrays: BTreeMap<String, Array>,
+    archive: Archive<R>,
 }
 
 impl Inputs {
-    /// All arrays of an archive.
-    pub fn read(path: &Path) -> Result<Inputs, Failure> {
-        let arrays = npz::read(path).map_err(|e| Failure::file(path, e))?;
-        Ok(Inputs { path: path.to_owned(), arrays })
+    /// All arrays of an archive that may take `limit` bytes of memory.
+    pub fn read(path: &Path, limit: Option<usize>) -> Result<Inputs, Failure> {
+        let archive = Archive::open(path, limit.map(|limit| limit as u64)).map_err(|e| Failure::file(path, e))?;
+        Ok(Inputs { path: path.to_owned(), archive })
     }
+}
 
+impl<R: Read + Seek> Inputs<R> {
     /// Passes over an array.
     pub fn drop(&mut self, name: &str) {
-        self.arrays.remove(name);
+        self.archive.remove(name);
     }
 
     /// Name and shape of the first array.
     pub fn first(&self) -> Option<(&str, &[usize])> {
-        self.arrays.first_key_value().map(|(name, array)| (name.as_str(), array.shape()))
+        let name = self.archive.names().next()?;
+        self.archive.shape(name).map(|shape| (name, shape))
     }
 
     /// Takes an array that must have this shape and hold finite numbers; `None` if the file does not have it.
-    pub fn take(&mut self, name: &str, expected: &[Dim]) -> Result<Option<Array>, Failure> {
-        let Some(array) = self.arrays.remove(name) else { return Ok(None) };
+    pub fn take(&mut self, name: &str, expected: &[Dim]) -> Result<Option<Vec<f64>>, Failure> {
+        let Some(given) = self.archive.shape(name) else { return Ok(None) };
         let shape: Vec<usize> = expected.iter().map(|d| d.1).collect();
-        if array.shape() != shape {
-            return Err(self.wrong_shape(name, array.shape(), expected));
+        if given != shape {
+            return Err(self.wrong_shape(name, given, expected));
         }
-        let values = array.to_f64();
+        let Some(array) = self.archive.take(name).map_err(|e| Failure::file(&self.path, e))? else { return Ok(None) };
+        let Some(values) = array.into_f64() else {
+            return Err(self.error(name, "takes more memory than the system gives; ask for fewer worlds or steps"));
+        };
         if let Some(i) = values.iter().position(|x| !x.is_finite()) {
             let place = index(i, &shape);
             let value = values[i];
             return Err(self.error(name, &format!("holds {value} at {place:?}; every number must be finite")));
         }
-        drop(values);
-        Ok(Some(array))
+        Ok(Some(values))
     }
 
     /// A file error about one array.
@@ -65,10 +72,13 @@ impl Inputs {
         self.error(name, &format!("has shape {shape:?}; expected [{}]{hint}", dims.join(", ")))
     }
 
-    /// An error if arrays are left that nothing asked for: a misspelt name must not pass silently.
-    pub fn finish(self, known: &[&str]) -> Result<(), Failure> {
-        match self.arrays.keys().next() {
-            Some(name) => Err(self.error(name, &format!("is not known here; known are {}", known.join(", ")))),
+    /// An error if arrays other than these are there: a misspelt name must not pass silently.
+    pub fn check_names(&self, known: &[&str]) -> Result<(), Failure> {
+        match self.archive.names().find(|name| !known.contains(name)) {
+            Some(name) => {
+                let remedy = suggest::or_list(name, known.iter().copied());
+                Err(self.error(name, &format!("is not known here; {remedy}")))
+            }
             None => Ok(()),
         }
     }
@@ -92,11 +102,17 @@ fn index(i: usize, shape: &[usize]) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
+    use lanesim::npz::{self, Array};
+
     use super::*;
 
-    fn inputs(name: &str, shape: &[usize], values: Vec<f64>) -> Inputs {
+    fn inputs(name: &str, shape: &[usize], values: Vec<f64>) -> Inputs<Cursor<Vec<u8>>> {
         let array = Array::new(shape.to_vec(), npz::Data::F64(values)).unwrap();
-        Inputs { path: "u.npz".into(), arrays: BTreeMap::from([(name.to_owned(), array)]) }
+        let mut bytes = Vec::new();
+        npz::write_to(&mut bytes, &[(name.to_owned(), array)]).unwrap();
+        Inputs { path: "u.npz".into(), archive: Archive::new(Cursor::new(bytes), None).unwrap() }
     }
 
     fn message(result: Result<impl Sized, Failure>) -> String {
@@ -136,8 +152,8 @@ mod tests {
         let mut given = inputs("qpso", &[1], vec![0.0]);
         assert!(matches!(given.take("qpos", &[Dim("nq", 1)]), Ok(None)));
         assert_eq!(
-            message(given.finish(&["qpos", "qvel"])),
-            "u.npz: array `qpso` is not known here; known are qpos, qvel"
+            message(given.check_names(&["qpos", "qvel"])),
+            "u.npz: array `qpso` is not known here; did you mean \"qpos\"?"
         );
     }
 }

@@ -10,7 +10,7 @@ use super::engine::{self, Loaded};
 use super::failure::Failure;
 use super::measure::{Measurement, Plan};
 use super::output::{self, Progress};
-use super::{ModelArgs, RunArgs, count, share};
+use super::{KeyArgs, ModelArgs, RunArgs, count, share};
 
 const ABOUT: &str = "\
 Worlds start from 32 states that were warmed up under uniform control noise, copied over all worlds with a little noise on the
@@ -38,9 +38,12 @@ pub struct Bench {
     #[arg(long, value_name = "T", default_value = "100", value_parser = count)]
     steps: usize,
     /// Share of their ranges, around the middle, from which controls are drawn at every step
-    #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = share)]
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_value = "1", default_missing_value = "1",
+          value_parser = share)]
     noise: f64,
-    /// Steps of the warm-up before [default: 2 s, at least 500 and at most 2000 steps]
+    #[command(flatten)]
+    start: KeyArgs,
+    /// Steps of the warm-up before [default: those of 2 s of simulated time, at least 500 and at most 2000]
     #[arg(long, value_name = "T")]
     warm_up: Option<usize>,
     /// Seed of start states and control noise
@@ -58,12 +61,14 @@ impl Bench {
         output::losses(&model);
         let accurate = engine::load_with(&self.model, &[("tolerance", "1e-12"), ("iterations", "200")])?.model;
         self.run.check_memory(&model, self.worlds)?;
+        let key = self.start.find(&model)?;
         let plan = Plan {
             model: &model,
             accurate: &accurate,
-            options: self.run.options(),
+            options: self.run.options(key),
             nworld: self.worlds,
             nstep: self.steps,
+            key,
             warm_up: self.warm_up,
             noise: self.noise,
             seed: self.seed,
@@ -90,7 +95,7 @@ impl Bench {
             "nworld": self.worlds,
             "nstep": self.steps,
             "threads": m.threads,
-            "precision": format!("{:?}", self.run.options().precision).to_lowercase(),
+            "precision": format!("{:?}", self.run.options(None).precision).to_lowercase(),
             "backend": m.running.backend.name(),
             "isa": m.running.instructions.map_or_else(engine::isa, |set| set.name().to_lowercase()),
             "lanes": m.lanes.0,

@@ -5,7 +5,7 @@ use std::time::Instant;
 use lanesim::mjcf::{self, LoadOptions};
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
-use lanesim::{Field, Model, Options, Worlds};
+use lanesim::{Field, Model, Options, Worlds, suggest};
 
 use super::failure::Failure;
 use super::{Backend, Instructions, ModelArgs, OnDiverge, Precision, RunArgs, memory};
@@ -59,11 +59,7 @@ impl RunArgs {
     /// A batch as the arguments want it, every world in keyframe `key` if it is given.
     pub fn worlds(&self, model: &Model, nworld: usize, key: Option<usize>) -> Result<Worlds, Failure> {
         self.check_memory(model, nworld)?;
-        let mut options = self.options();
-        if let lanesim::OnDiverge::Reset { key: start } = &mut options.on_diverge {
-            *start = key;
-        }
-        let mut worlds = Worlds::new(model, nworld, &options)?;
+        let mut worlds = Worlds::new(model, nworld, &self.options(key))?;
         notice(&worlds);
         if key.is_some() {
             (0..nworld).try_for_each(|world| worlds.reset(world, key))?;
@@ -79,8 +75,8 @@ impl RunArgs {
         memory::check("the worlds", &[nworld, state * size_of::<f64>() + 64], self.max_memory)
     }
 
-    /// The library's options.
-    pub fn options(&self) -> Options {
+    /// The library's options for worlds that start from this keyframe.
+    pub fn options(&self, key: Option<usize>) -> Options {
         Options {
             precision: match self.precision {
                 Precision::F32 => lanesim::Precision::F32,
@@ -101,7 +97,7 @@ impl RunArgs {
             max_memory: self.max_memory,
             on_diverge: match self.on_diverge {
                 OnDiverge::Freeze => lanesim::OnDiverge::Freeze,
-                OnDiverge::Reset => lanesim::OnDiverge::Reset { key: None },
+                OnDiverge::Reset => lanesim::OnDiverge::Reset { key },
                 OnDiverge::Error => lanesim::OnDiverge::Error,
             },
             ..Options::default()
@@ -109,9 +105,45 @@ impl RunArgs {
     }
 }
 
-/// Outputs by their names.
+/// Outputs by their names, each once.
 pub fn outputs(names: &[String]) -> Result<Vec<Output>, Failure> {
-    names.iter().map(|name| Output::named(name.trim()).map_err(|e| Failure::Usage(e.to_string()))).collect()
+    unique(names)?.into_iter().map(|name| Ok(Output::named(name)?)).collect()
+}
+
+/// The names without blanks around them; an error if one comes twice or is that of a file.
+pub fn unique(names: &[String]) -> Result<Vec<&str>, Failure> {
+    let names: Vec<&str> = names.iter().map(|name| name.trim()).collect();
+    for (i, name) in names.iter().enumerate() {
+        if names[..i].contains(name) {
+            return Err(Failure::Usage(format!("--outputs names {name} twice; name every output once")));
+        }
+        if name.is_empty() {
+            return Err(Failure::Usage("--outputs has an empty name; separate names by single commas".into()));
+        }
+        if name.ends_with(".npz") {
+            return Err(Failure::Usage(format!("--outputs {name} is no output; did you mean --output {name}?")));
+        }
+    }
+    Ok(names)
+}
+
+/// The keyframe that `text`, a name or a number, stands for.
+pub fn keyframe(model: &Model, text: &str) -> Result<usize, Failure> {
+    let names = &model.names().keys;
+    if let Some(key) = names.id(text) {
+        return Ok(key);
+    }
+    let n = model.keys().len();
+    match text.parse() {
+        Ok(key) if key < n => Ok(key),
+        Ok(_) => Err(Failure::Usage(format!("--keyframe {text}: the model has {n} keyframes, counted from 0"))),
+        Err(_) => {
+            let named: Vec<&str> = names.iter().filter(|name| !name.is_empty()).collect();
+            let remedy = suggest::or_list(text, named);
+            let remedy = if remedy.is_empty() { "give its number, counted from 0".to_owned() } else { remedy };
+            Err(Failure::Usage(format!("--keyframe {text}: the model has {n} keyframes, none of that name; {remedy}")))
+        }
+    }
 }
 
 /// An output's values as an array with its name; `leading` are the dimensions before the output's own.

@@ -4,44 +4,50 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
-use lanesim::npz::{self, Array};
+use lanesim::model::Key;
+use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Field, Model};
 
 use super::arrays::{Dim, Inputs};
+use super::destination::Destination;
 use super::engine::{self, Loaded, size};
 use super::failure::Failure;
-use super::{ModelArgs, RunArgs, memory, output};
+use super::{InputArgs, KeyArgs, ModelArgs, RunArgs, memory, output, with_outputs};
 
 const EXAMPLES: &str = "\
 Examples:
-  lanesim eval ant.xml --input states.npz --output out.npz --fields xpos,qM,qacc
-  lanesim eval ant.xml --input states.npz --output out.npz --fields qpos,qvel --nstep 10
+  lanesim eval ant.xml --input states.npz --output out.npz --outputs xpos,qM,qacc
+  lanesim eval ant.xml --input states.npz --output out.npz --outputs qpos,qvel --steps 10
 
-states.npz holds any of qpos [N, nq], qvel [N, nv], ctrl [N, nu], qfrc_applied [N, nv], xfrc_applied [N, nbody, 6]; what is
-missing is zero (qpos: the reference configuration), and an empty archive means N = 1. Results have a leading N; quantities
-of the model itself, such as body_mass, come once. Contacts and constraint rows are padded: ncon and nefc count them.";
+states.npz holds any of time [N], qpos [N, nq], qvel [N, nv], act [N, na], ctrl [N, nu], qfrc_applied [N, nv],
+xfrc_applied [N, nbody, 6]; what is missing is the keyframe's, or else zero (qpos: the reference configuration), and an empty
+archive means N = 1. What `rollout` writes can be given as it is: [nworld, nstep, ...] are N = nworld * nstep states. Results have
+a leading N; quantities of the model itself, such as body_mass, come once. Contacts and constraint rows are padded: ncon and nefc count them.";
 
 /// Arguments of `eval`.
 #[derive(Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, after_long_help = with_outputs(EXAMPLES))]
 pub struct Eval {
     #[command(flatten)]
     model: ModelArgs,
     #[command(flatten)]
     run: RunArgs,
-    /// File with the states
-    #[arg(long, value_name = "IN.npz", value_hint = ValueHint::FilePath)]
+    /// File with the states: any of time, qpos, qvel, act, ctrl, qfrc_applied, xfrc_applied, one row per state
+    #[arg(long, visible_alias = "states", value_name = "IN.npz", value_hint = ValueHint::FilePath)]
     input: PathBuf,
-    /// File to write
-    #[arg(long, value_name = "OUT.npz", value_hint = ValueHint::FilePath)]
-    output: PathBuf,
-    /// Quantities to compute, by MuJoCo's names
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', required = true)]
-    fields: Vec<String>,
+    #[command(flatten)]
+    limit: InputArgs,
+    #[command(flatten)]
+    start: KeyArgs,
+    #[command(flatten)]
+    output: Destination,
+    /// Quantities to compute, by MuJoCo's names: outputs, and arrays of the model such as body_mass
+    #[arg(long, alias = "fields", value_name = "NAMES", value_delimiter = ',', required = true)]
+    outputs: Vec<String>,
     /// Steps to take before computing them
-    #[arg(long, value_name = "K", default_value_t = 0)]
-    nstep: u32,
+    #[arg(long, alias = "nstep", value_name = "K", default_value_t = 0)]
+    steps: u32,
 }
 
 /// Arrays that MuJoCo's state has and ours does not have yet: passed over, since a lenient load leaves out what they are for.
@@ -60,40 +66,75 @@ fn shape(field: Field, model: &Model) -> Vec<Dim> {
     }
 }
 
+/// The dimensions before a state's own: the number of states, or worlds and steps as a rollout writes them.
+fn leading(inputs: &Inputs, model: &Model) -> Result<Vec<Dim>, Failure> {
+    let Some((name, given)) = inputs.first() else { return Ok(vec![Dim("N", 1)]) };
+    let field = Field::ALL.into_iter().find(|(_, known)| *known == name).map(|(field, _)| field);
+    let own = field.map_or(0, |field| shape(field, model).len());
+    let dims = match given[..given.len().saturating_sub(own)] {
+        [n] => vec![Dim("N", n)],
+        [nworld, nstep] => vec![Dim("nworld", nworld), Dim("nstep", nstep)],
+        _ => vec![],
+    };
+    if dims.is_empty() || dims.iter().any(|dim| dim.1 == 0) {
+        return Err(inputs.error(name, "has no leading dimension N > 0, the number of states"));
+    }
+    Ok(dims)
+}
+
+/// A field of a keyframe.
+fn start(field: Field, key: &Key) -> Option<Vec<f64>> {
+    match field {
+        Field::Time => Some(vec![key.time]),
+        Field::Qpos => Some(key.qpos.clone()),
+        Field::Qvel => Some(key.qvel.clone()),
+        Field::Act => Some(key.act.clone()),
+        Field::Ctrl => Some(key.ctrl.clone()),
+        Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
+    }
+}
+
 impl Eval {
     /// Checks everything, then computes, then writes.
     pub fn run(self) -> Result<(), Failure> {
+        let fields = engine::unique(&self.outputs)?;
+        self.output.check()?;
         let Loaded { model, .. } = engine::load(&self.model)?;
         output::losses(&model);
-        let (n, states) = self.states(&model)?;
-        let fields: Vec<&str> = self.fields.iter().map(|name| name.trim()).collect();
+        let key = self.start.find(&model)?;
+        let (n, states) = self.states(&model, key)?;
         let width: usize =
             fields.iter().filter_map(|name| Output::named(name).ok()).filter_map(|output| output.width(&model)).sum();
         memory::check("the fields", &[n, width, size_of::<f64>()], self.run.max_memory)?;
         self.run.check_memory(&model, n)?;
-        let arrays = lanesim::eval::eval(&model, &states, &fields, self.nstep as usize, &self.run.options())?;
-        npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))
+        let arrays = lanesim::eval::eval(&model, &states, &fields, self.steps as usize, &self.run.options(key))?;
+        self.output.write(&arrays)
     }
 
     /// The number of states, and their arrays.
-    fn states(&self, model: &Model) -> Result<(usize, BTreeMap<String, Array>), Failure> {
-        let mut inputs = Inputs::read(&self.input)?;
+    fn states(&self, model: &Model, key: Option<usize>) -> Result<(usize, BTreeMap<String, Array>), Failure> {
+        let mut inputs = Inputs::read(&self.input, self.limit.input_limit)?;
         PASSED_OVER.iter().for_each(|name| inputs.drop(name));
-        let n = match inputs.first() {
-            None => 1,
-            Some((name, shape)) => match shape.first() {
-                Some(&n) if n > 0 => n,
-                _ => return Err(inputs.error(name, "has no leading dimension N > 0, the number of states")),
-            },
-        };
+        let fields = Field::ALL.into_iter().filter(|(field, _)| *field != Field::QaccWarmstart);
+        inputs.check_names(&fields.clone().map(|(_, name)| name).collect::<Vec<_>>())?;
+        let leading = leading(&inputs, model)?;
+        let n = leading.iter().map(|dim| dim.1).product();
+        let key = key.and_then(|key| model.keys().get(key));
         let mut states = BTreeMap::new();
-        let mut known = Vec::new();
-        for (field, name) in Field::ALL.into_iter().filter(|(field, _)| *field != Field::QaccWarmstart) {
-            let shape: Vec<Dim> = std::iter::once(Dim("N", n)).chain(shape(field, model)).collect();
-            states.extend(inputs.take(name, &shape)?.map(|values| (name.to_owned(), values)));
-            known.push(name);
+        for (field, name) in fields {
+            let own = shape(field, model);
+            let expected: Vec<Dim> = leading.iter().copied().chain(own.iter().copied()).collect();
+            let lengths: Vec<usize> = std::iter::once(n).chain(own.iter().map(|dim| dim.1)).collect();
+            let values = match (inputs.take(name, &expected)?, key.and_then(|key| start(field, key))) {
+                (Some(values), _) => values,
+                (None, Some(row)) => {
+                    memory::check("the states", &[n, row.len(), size_of::<f64>()], None)?;
+                    row.repeat(n)
+                }
+                (None, None) => continue,
+            };
+            states.extend(Array::new(lengths, Data::F64(values)).map(|array| (name.to_owned(), array)));
         }
-        inputs.finish(&known)?;
         Ok((n, states))
     }
 }

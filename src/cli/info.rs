@@ -2,15 +2,24 @@
 
 use clap::Args;
 use lanesim::plan::{Part, Plan};
-use lanesim::{CodePart, Model, Worlds};
+use lanesim::{CodePart, Model, Worlds, suggest};
 use serde_json::{Map, Value, json};
 
 use super::engine::{self, Loaded};
 use super::failure::Failure;
 use super::{ModelArgs, RunArgs, output};
 
+const EXAMPLES: &str = "\
+Examples:
+  lanesim info models/zoo/ant.xml
+  lanesim info models/zoo/ant.xml --json --option timestep=0.001
+  lanesim info models/zoo/ant.xml --outputs energy          # what a run that records the energy computes
+  lanesim info models/zoo/ant.xml --native --precision f32
+  lanesim info models/zoo/ant.xml --disassembly smooth";
+
 /// Arguments of `info`.
 #[derive(Args)]
+#[command(after_help = EXAMPLES)]
 pub struct Info {
     #[command(flatten)]
     model: ModelArgs,
@@ -33,13 +42,13 @@ pub struct Info {
 impl Info {
     /// Prints sizes, memory, options and what was left out.
     pub fn run(self) -> Result<(), Failure> {
+        let outputs = engine::outputs(&self.outputs)?;
         let Loaded { model, seconds } = engine::load(&self.model)?;
-        let memory = Worlds::memory_of(&model, &self.run.options());
+        let memory = Worlds::memory_of(&model, &self.run.options(None));
         if let Some(part) = &self.disassembly {
             return disassembly(&self.code(&model)?, part);
         }
         let code = if self.native { Some(self.code(&model)?) } else { None };
-        let outputs = engine::outputs(&self.outputs)?;
         let parts = Plan::step(&outputs).parts(&model);
         if self.json {
             return output::json(&json_of(&model, memory, seconds, &parts, code.as_deref()));
@@ -78,9 +87,12 @@ impl Info {
 
 /// Prints the instructions of one part.
 fn disassembly(code: &[CodePart], name: &str) -> Result<(), Failure> {
-    let names: Vec<&str> = code.iter().map(|part| &*part.name).collect();
     let part = code.iter().find(|part| part.name == name);
-    let part = part.ok_or_else(|| Failure::Usage(format!("no part {name}; there are {}", names.join(", "))))?;
+    let part = part.ok_or_else(|| {
+        let remedy = suggest::or_list(name, code.iter().map(|part| &*part.name));
+        let remedy = if remedy.is_empty() { "`lanesim info --native` lists them" } else { &remedy };
+        Failure::Usage(format!("there is no part {name}; {remedy}"))
+    })?;
     let text = part.disassembly.as_ref();
     output::text(
         text.ok_or_else(|| Failure::Input(format!("{name} is left to the kernels: its code would be too large")))?,

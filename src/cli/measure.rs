@@ -42,6 +42,8 @@ pub struct Plan<'a> {
     pub nworld: usize,
     /// Steps of each.
     pub nstep: usize,
+    /// Keyframe from which the warm-up starts.
+    pub key: Option<usize>,
     /// Steps of the warm-up, if they are not to follow from the time step.
     pub warm_up: Option<usize>,
     /// Share of the control ranges that noise takes.
@@ -171,7 +173,9 @@ impl Plan<'_> {
         let nv = Field::Qvel.len(self.model);
         for world in 0..n {
             let velocity = |i| START_VELOCITY * (2.0 * noise::uniform(self.seed, world as u64, 0, i as u64) - 1.0);
-            worlds.set(Field::Qvel, world, &(0..nv).map(velocity).collect::<Vec<_>>())?;
+            worlds.reset(world, self.key)?;
+            let start = worlds.get(Field::Qvel, world)?;
+            worlds.set(Field::Qvel, world, &(0..nv).map(|i| start[i] + velocity(i)).collect::<Vec<_>>())?;
         }
         let enough = (WARM_UP_SECONDS / self.model.tables().options.timestep).ceil() as usize;
         worlds.rollout(&Rollout {

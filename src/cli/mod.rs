@@ -7,6 +7,7 @@ mod arrays;
 mod bench;
 mod check;
 mod clock;
+mod destination;
 mod engine;
 mod eval;
 mod failure;
@@ -20,13 +21,17 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use lanesim::Model;
+use lanesim::outputs::Output;
+
+use failure::Failure;
 
 const EXAMPLES: &str = "\
 Examples:
   lanesim check models/zoo/ant.xml --steps 1000
   lanesim info models/zoo/ant.xml --json
   lanesim rollout models/zoo/ant.xml --worlds 256 --steps 500 --noise --outputs qpos,qvel -o ant.npz
-  lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --fields qM,qacc
+  lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --outputs qM,qacc
   lanesim bench models/zoo/humanoid18.xml --worlds 4096 --steps 100 --precision f32
 
 Exit status: 0 success, 1 the model or an input was rejected, 2 the command line is wrong.";
@@ -65,6 +70,29 @@ struct ModelArgs {
     /// Override an attribute of MJCF's `option`, such as timestep=0.005 or integrator=Euler; repeatable
     #[arg(long = "option", value_name = "NAME=VALUE", value_parser = name_value)]
     options: Vec<(String, String)>,
+}
+
+/// Where worlds start.
+#[derive(Args)]
+struct KeyArgs {
+    /// Keyframe from which worlds start, by its name or its number counted from 0
+    #[arg(long, value_name = "NAME|N")]
+    keyframe: Option<String>,
+}
+
+impl KeyArgs {
+    /// The keyframe's number, if one is given.
+    fn find(&self, model: &Model) -> Result<Option<usize>, Failure> {
+        self.keyframe.as_ref().map(|text| engine::keyframe(model, text)).transpose()
+    }
+}
+
+/// What is read of archives.
+#[derive(Args)]
+struct InputArgs {
+    /// Most memory that the arrays of an input file may take, such as 500M or 8G, 8 bytes per number [default: 256 MiB or 100 times the file's size, whichever is more]
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    input_limit: Option<usize>,
 }
 
 /// How worlds are stepped.
@@ -135,13 +163,16 @@ enum Instructions {
 /// Most worlds and most steps of one call: beyond any memory or patience, but small enough for exact arithmetic.
 const COUNT_MAX: i64 = 1 << 31;
 
-/// A number of bytes, or of thousands (k), millions (M), billions (G).
+/// A number of bytes, or of thousands (k), millions (M), billions (G) or billions of thousands (T) of them.
 fn bytes(text: &str) -> Result<usize, String> {
-    let units = [("k", 1e3), ("M", 1e6), ("G", 1e9)];
-    let unit = units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, *size)));
-    let (number, size) = unit.unwrap_or((text, 1.0));
-    let number: f64 = number.trim().parse().map_err(|_| "expected a number of bytes, such as 500M or 8G".to_owned())?;
-    let all = number * size;
+    let plain = text.trim_end_matches(['b', 'B']);
+    let units = [("k", 1e3), ("m", 1e6), ("g", 1e9), ("t", 1e12)];
+    let digits = plain.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = plain[digits.len()..].to_ascii_lowercase();
+    let size = units.iter().find(|(name, _)| *name == unit).map(|(_, size)| *size);
+    let size = size.or(unit.is_empty().then_some(1.0));
+    let number = digits.trim().parse::<f64>().ok().zip(size);
+    let all = number.map(|(number, size)| number * size).ok_or("expected a number of bytes, such as 500M or 8G")?;
     if (1.0..1e18).contains(&all) { Ok(all as usize) } else { Err("must be from 1 to 1e18 bytes".into()) }
 }
 
@@ -152,8 +183,11 @@ fn count(text: &str) -> Result<usize, String> {
 
 /// A share from 0 to 1.
 fn share(text: &str) -> Result<f64, String> {
-    let share: f64 = text.parse().map_err(|e| format!("{e}"))?;
-    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("must be from 0 to 1".into()) }
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        Ok(_) => Err("must be from 0 to 1".into()),
+        Err(_) => Err("must be a number from 0 to 1; if this is the model, put it first".into()),
+    }
 }
 
 fn name_value(text: &str) -> Result<(String, String), String> {
@@ -161,6 +195,15 @@ fn name_value(text: &str) -> Result<(String, String), String> {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
         _ => Err("expected NAME=VALUE, for example timestep=0.005".into()),
     }
+}
+
+/// The end of a command's long help: examples, and what can be asked for.
+fn with_outputs(examples: &str) -> String {
+    let width = Output::all().map(|(name, _)| name.len()).max().unwrap_or(0);
+    let lines: String = Output::all().map(|(name, what)| format!("  {name:<width$}  {what}\n")).collect();
+    format!(
+        "{examples}\n\nOutputs (all but those of contacts and constraint rows have the same length in every world):\n{lines}"
+    )
 }
 
 /// Runs a command; the exit status is documented in the help.
@@ -202,6 +245,14 @@ mod tests {
         assert_eq!(["0", "0.25", "1"].map(share), [Ok(0.0), Ok(0.25), Ok(1.0)]);
         for bad in ["-0.1", "1.01", "nan", "inf", "all"] {
             assert!(share(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sizes_have_units() {
+        assert_eq!(["12", "3k", "500M", "8GB", "1GiB"].map(bytes), [12, 3 << 10, 500 << 20, 8 << 30, 1 << 30].map(Ok));
+        for bad in ["", "G", "-1", "1.5G", "1X", "99999999999T", "1é"] {
+            assert!(bytes(bad).is_err(), "{bad}");
         }
     }
 

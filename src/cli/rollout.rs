@@ -4,27 +4,29 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::{Args, ValueHint};
-use lanesim::npz;
 use lanesim::rollout::Statistics;
 use lanesim::{Controls, Field, Model, Worlds};
 use serde_json::json;
 
 use super::arrays::{Dim, Inputs};
+use super::destination::Destination;
 use super::engine::{self, Loaded, set_all, size};
 use super::failure::Failure;
 use super::output::{self, Progress};
-use super::{ModelArgs, RunArgs, count, memory, share};
+use super::{InputArgs, KeyArgs, ModelArgs, RunArgs, count, memory, share, with_outputs};
 
 const EXAMPLES: &str = "\
 Examples:
-  lanesim rollout ant.xml --worlds 256 --steps 500 --noise --seed 3 -o ant.npz
+  lanesim rollout ant.xml --worlds 256 --steps 500 --noise 0.5 --seed 3 -o ant.npz
+  lanesim rollout arm.xml --worlds 16 --steps 500 --keyframe reach --outputs qpos,xpos -o arm.npz
   lanesim rollout ant.xml --worlds 256 --steps 500 --controls u.npz --states s.npz --outputs qpos,qvel -o ant.npz
 
-u.npz holds `ctrl` [nworld, nstep, nu]; s.npz holds `qpos` [nworld, nq] and, if wanted, `qvel` [nworld, nv].";
+u.npz holds `ctrl` [nworld, nstep, nu]; s.npz holds any of `time` [nworld], s, `qpos` [nworld, nq] and `qvel` [nworld, nv], in
+MuJoCo's units: m, rad, m/s, rad/s. The result holds one array [nworld, nstep, ...] per output.";
 
 /// Arguments of `rollout`.
 #[derive(Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, after_long_help = with_outputs(EXAMPLES))]
 pub struct Rollout {
     #[command(flatten)]
     model: ModelArgs,
@@ -39,9 +41,10 @@ pub struct Rollout {
     /// File with controls: array `ctrl` [nworld, nstep, nu]; without it they stay zero, or the keyframe's
     #[arg(long, value_name = "U.npz", value_hint = ValueHint::FilePath)]
     controls: Option<PathBuf>,
-    /// Redraw every control at every step, uniformly in its range or in a share of it around its middle
-    #[arg(long, value_name = "SHARE", num_args = 0..=1, require_equals = true, default_missing_value = "1",
-          value_parser = share, conflicts_with = "controls")]
+    /// Redraw every control at every step, uniformly in this share of its range around the middle; without a number in
+    /// all of it (1)
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "1", value_parser = share,
+          conflicts_with = "controls")]
     noise: Option<f64>,
     /// Seed of the noise
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -49,15 +52,15 @@ pub struct Rollout {
     /// File with start states: `qpos` [nworld, nq], `qvel` [nworld, nv], `time` [nworld]; each may be missing
     #[arg(long, value_name = "S.npz", value_hint = ValueHint::FilePath)]
     states: Option<PathBuf>,
-    /// Keyframe from which worlds start where the states do not say otherwise
-    #[arg(long, value_name = "INDEX")]
-    keyframe: Option<usize>,
+    #[command(flatten)]
+    start: KeyArgs,
+    #[command(flatten)]
+    input: InputArgs,
     /// Quantities to write after every step, by MuJoCo's names
     #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "qpos,qvel")]
     outputs: Vec<String>,
-    /// File to write: one array [nworld, nstep, ...] per output
-    #[arg(short, long, value_name = "OUT.npz", value_hint = ValueHint::FilePath)]
-    output: PathBuf,
+    #[command(flatten)]
+    output: Destination,
     /// Print a summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -66,13 +69,14 @@ pub struct Rollout {
 impl Rollout {
     /// Checks everything, then runs, then writes.
     pub fn run(self) -> Result<(), Failure> {
+        let outputs = engine::outputs(&self.outputs)?;
+        self.output.check()?;
         let Loaded { model, .. } = engine::load(&self.model)?;
         output::losses(&model);
-        let outputs = engine::outputs(&self.outputs)?;
         let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
         memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()], self.run.max_memory)?;
         let controls = self.controls(&model)?;
-        let mut worlds = self.run.worlds(&model, self.worlds, self.key(&model)?)?;
+        let mut worlds = self.run.worlds(&model, self.worlds, self.start.find(&model)?)?;
         self.start(&model, &mut worlds)?;
         let progress = Progress::new("rollout", self.worlds as u64 * self.steps as u64, self.json);
         let start = Instant::now();
@@ -94,36 +98,26 @@ impl Rollout {
         for (output, values) in outputs.iter().zip(result.outputs) {
             arrays.push(engine::named(output, &model, &[self.worlds, self.steps], values)?);
         }
-        npz::write(&self.output, &arrays).map_err(|e| Failure::file(&self.output, e))?;
+        self.output.write(&arrays)?;
         self.summary(&model, &worlds, &result.statistics, seconds)
     }
 
     fn controls(&self, model: &Model) -> Result<Option<Vec<f64>>, Failure> {
         let Some(path) = &self.controls else { return Ok(None) };
-        let mut inputs = Inputs::read(path)?;
+        let mut inputs = Inputs::read(path, self.input.input_limit)?;
         let shape = [Dim("nworld", self.worlds), Dim("nstep", self.steps), Dim("nu", size(model, "nu"))];
         let Some(controls) = inputs.take("ctrl", &shape)? else {
             return Err(Failure::file(path, "has no array `ctrl` [nworld, nstep, nu]"));
         };
-        inputs.finish(&["ctrl"])?;
-        Ok(Some(controls.to_f64().into_owned()))
-    }
-
-    /// The keyframe from which worlds start.
-    fn key(&self, model: &Model) -> Result<Option<usize>, Failure> {
-        match self.keyframe {
-            Some(key) if key >= model.keys().len() => {
-                let n = model.keys().len();
-                Err(Failure::Usage(format!("--keyframe {key}: the model has {n} keyframes, counted from 0")))
-            }
-            key => Ok(key),
-        }
+        inputs.check_names(&[])?;
+        Ok(Some(controls))
     }
 
     /// Puts the worlds where they start, as far as the states say.
     fn start(&self, model: &Model, worlds: &mut Worlds) -> Result<(), Failure> {
         let Some(path) = &self.states else { return Ok(()) };
-        let mut inputs = Inputs::read(path)?;
+        let mut inputs = Inputs::read(path, self.input.input_limit)?;
+        inputs.check_names(&["time", "qpos", "qvel"])?;
         for (field, width) in [
             (Field::Time, None),
             (Field::Qpos, Some(Dim("nq", size(model, "nq")))),
@@ -131,10 +125,10 @@ impl Rollout {
         ] {
             let shape: Vec<Dim> = std::iter::once(Dim("nworld", self.worlds)).chain(width).collect();
             if let Some(values) = inputs.take(field.name(), &shape)? {
-                set_all(worlds, field, &values.to_f64())?;
+                set_all(worlds, field, &values)?;
             }
         }
-        inputs.finish(&["time", "qpos", "qvel"])
+        Ok(())
     }
 
     fn summary(&self, model: &Model, worlds: &Worlds, s: &Statistics, seconds: f64) -> Result<(), Failure> {
@@ -147,7 +141,7 @@ impl Rollout {
                 "steps_per_second": rate, "lost": lost, "state_hash": hash,
                 "solver_niter_mean": niter, "solver_niter_max": s.most_iterations,
                 "solver_residual_mean": residual, "solver_residual_max": s.largest_residual,
-                "events": engine::events(worlds)?, "output": self.output,
+                "events": engine::events(worlds)?, "output": self.output.shown(),
             }));
         }
         output::notes("flag", &engine::events(worlds)?);
@@ -159,7 +153,7 @@ impl Rollout {
             ("state hash", hash),
             ("iterations", format!("{niter:.2} mean, {:.0} most", s.most_iterations)),
             ("residual", format!("{residual:.1e} mean, {:.1e} largest", s.largest_residual)),
-            ("written", self.output.display().to_string()),
+            ("written", self.output.shown()),
         ])
     }
 }

@@ -86,9 +86,22 @@ impl Array {
         }
     }
 
-    /// Size of the entries in bytes.
-    pub fn bytes(&self) -> u64 {
-        each!(&self.data, v => size_of_val(v.as_slice()) as u64)
+    /// The same, without a copy where they are such already; `None` if there is no memory for one.
+    pub fn into_f64(self) -> Option<Vec<f64>> {
+        fn convert<T: Copy>(values: &[T], f: impl Fn(T) -> f64) -> Option<Vec<f64>> {
+            let mut out = Vec::new();
+            out.try_reserve_exact(values.len()).ok()?;
+            out.extend(values.iter().map(|x| f(*x)));
+            Some(out)
+        }
+        match self.data {
+            Data::F64(v) => Some(v),
+            Data::F32(v) => convert(&v, f64::from),
+            Data::I32(v) => convert(&v, f64::from),
+            Data::I64(v) => convert(&v, |x| x as f64),
+            Data::U32(v) => convert(&v, f64::from),
+            Data::U64(v) => convert(&v, |x| x as f64),
+        }
     }
 }
 

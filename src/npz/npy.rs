@@ -16,38 +16,60 @@ const TEXT_MAX: usize = 16_384;
 /// Most dimensions, as in NumPy.
 const DIMS_MAX: usize = 64;
 
-/// What the dictionary says.
-#[derive(Debug, PartialEq)]
-struct Header {
+/// What the dictionary says, and how long all was up to the entries.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Header {
     descr: String,
     fortran: bool,
-    shape: Vec<usize>,
+    pub shape: Vec<usize>,
+    length: u64,
 }
 
-/// Reads one array to the end of `reader`.
-pub(super) fn read(reader: &mut impl Read) -> Result<Array, String> {
-    let header = read_header(reader)?;
-    let (big_endian, kind) = header.descr.split_at_checked(1).ok_or("has no element type")?;
-    let known = decode(&[], kind, false).is_some();
-    let size: usize =
-        kind.get(1..).and_then(|n| n.parse().ok()).filter(|_| known).ok_or_else(|| unsupported(&header.descr))?;
-    let expected = entries(&header.shape)
-        .and_then(|n| n.checked_mul(size))
-        .ok_or_else(|| format!("has an impossible shape {:?}", header.shape))?;
-    let mut raw = Vec::new();
-    reader
-        .take((expected as u64).saturating_add(1))
-        .read_to_end(&mut raw)
-        .map_err(|e| format!("cannot be read: {e}"))?;
-    if raw.len() != expected {
-        let more = if raw.len() > expected { "more" } else { "fewer" };
-        return Err(format!(
-            "has {more} bytes than its shape {:?} says; the file is damaged or too large",
-            header.shape
-        ));
+impl Header {
+    /// The element type without its byte order, and the bytes of an element.
+    fn kind(&self) -> Result<(&str, usize), String> {
+        let (_, kind) = self.descr.split_at_checked(1).ok_or("has no element type")?;
+        let known = matches!(kind, "f8" | "f4" | "i8" | "i4" | "i2" | "i1" | "u8" | "u4" | "u2" | "u1" | "b1");
+        let size = kind.get(1..).and_then(|n| n.parse().ok()).filter(|_| known);
+        Ok((kind, size.ok_or_else(|| unsupported(&self.descr))?))
     }
-    let data = decode(&raw, kind, big_endian == ">").ok_or_else(|| unsupported(&header.descr))?;
-    let data = if header.fortran { each!(data, v => transpose(&v, &header.shape).into()) } else { data };
+
+    /// An error if entries of this type and number do not fill a member of `size` bytes.
+    pub(super) fn check(&self, size: u64) -> Result<(), String> {
+        let bytes = entries(&self.shape).and_then(|n| n.checked_mul(self.kind().ok()?.1));
+        self.kind()?;
+        let impossible = || format!("has an impossible shape {:?}", self.shape);
+        let whole = (bytes.ok_or_else(impossible)? as u64).checked_add(self.length).ok_or_else(impossible)?;
+        if whole == size {
+            return Ok(());
+        }
+        let more = if size > whole { "more" } else { "fewer" };
+        Err(format!("has {more} bytes than its shape {:?} says; the file is damaged", self.shape))
+    }
+
+    /// Number of entries; of a checked header.
+    pub(super) fn entries(&self) -> u64 {
+        entries(&self.shape).unwrap_or(0) as u64
+    }
+}
+
+/// Reads the entries that a checked header announces.
+pub(super) fn read_data(reader: &mut dyn Read, header: Header) -> Result<Array, String> {
+    let (kind, _) = header.kind()?;
+    let mut source = Source { reader, n: header.entries() as usize, big_endian: header.descr.starts_with('>') };
+    let data = match kind {
+        "f8" => Data::F64(source.numbers(f64::from_le_bytes)?),
+        "f4" => Data::F32(source.numbers(f32::from_le_bytes)?),
+        "i8" => Data::I64(source.numbers(i64::from_le_bytes)?),
+        "i4" => Data::I32(source.numbers(i32::from_le_bytes)?),
+        "i2" => Data::I32(source.numbers(|b| i16::from_le_bytes(b).into())?),
+        "i1" => Data::I32(source.numbers(|b| i8::from_le_bytes(b).into())?),
+        "u8" => Data::U64(source.numbers(u64::from_le_bytes)?),
+        "u4" => Data::U32(source.numbers(u32::from_le_bytes)?),
+        "u2" => Data::U32(source.numbers(|b| u16::from_le_bytes(b).into())?),
+        _ => Data::U32(source.numbers(|b| u8::from_le_bytes(b).into())?),
+    };
+    let data = if header.fortran { each!(data, v => transpose(&v, &header.shape)?.into()) } else { data };
     Array::new(header.shape, data).ok_or_else(|| "is inconsistent".into())
 }
 
@@ -55,23 +77,24 @@ fn unsupported(descr: &str) -> String {
     format!("has element type '{descr}', which is not a real number; convert it with .astype(numpy.float64)")
 }
 
-fn read_header(reader: &mut impl Read) -> Result<Header, String> {
+/// Reads everything before the entries.
+pub(super) fn read_header(reader: &mut dyn Read) -> Result<Header, String> {
     let short = |e: io::Error| format!("is cut short or unreadable ({e})");
     let mut start = [0; 8];
     reader.read_exact(&mut start).map_err(short)?;
     if &start[..6] != MAGIC {
         return Err("is not in NumPy's format".into());
     }
-    let length = match start[6] {
+    let (digits, length) = match start[6] {
         1 => {
             let mut n = [0; 2];
             reader.read_exact(&mut n).map_err(short)?;
-            u16::from_le_bytes(n) as usize
+            (2, u16::from_le_bytes(n) as usize)
         }
         2 | 3 => {
             let mut n = [0; 4];
             reader.read_exact(&mut n).map_err(short)?;
-            u32::from_le_bytes(n) as usize
+            (4, u32::from_le_bytes(n) as usize)
         }
         v => return Err(format!("has version {v} of NumPy's format; versions 1 to 3 are known")),
     };
@@ -81,11 +104,12 @@ fn read_header(reader: &mut impl Read) -> Result<Header, String> {
     let mut text = vec![0; length];
     reader.read_exact(&mut text).map_err(short)?;
     let text = std::str::from_utf8(&text).map_err(|_| "has a header that is not text".to_string())?;
-    parse_header(text)
+    let (descr, fortran, shape) = parse_header(text)?;
+    Ok(Header { descr, fortran, shape, length: (start.len() + digits + length) as u64 })
 }
 
 /// Parses `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }`, the keys in any order.
-fn parse_header(text: &str) -> Result<Header, String> {
+fn parse_header(text: &str) -> Result<(String, bool, Vec<usize>), String> {
     let malformed = || "has a malformed header".to_string();
     let (mut descr, mut fortran, mut shape) = (None, None, None);
     let mut rest = text.trim().strip_prefix('{').ok_or_else(malformed)?.trim_start();
@@ -113,7 +137,7 @@ fn parse_header(text: &str) -> Result<Header, String> {
         rest = rest.strip_prefix(',').unwrap_or(rest).trim_start();
     }
     let (Some(descr), Some(fortran), Some(shape)) = (descr, fortran, shape) else { return Err(malformed()) };
-    Ok(Header { descr, fortran, shape })
+    Ok((descr, fortran, shape))
 }
 
 /// The text in quotes at the start, and what follows it.
@@ -133,41 +157,51 @@ fn parse_shape(text: &str) -> Option<Vec<usize>> {
     shape.filter(|s| s.len() <= DIMS_MAX)
 }
 
-/// The entries in `raw`; `None` if `kind` (a letter and a size) is not a number of ours.
-fn decode(raw: &[u8], kind: &str, big_endian: bool) -> Option<Data> {
-    Some(match kind {
-        "f8" => Data::F64(numbers(raw, big_endian, f64::from_le_bytes)),
-        "f4" => Data::F32(numbers(raw, big_endian, f32::from_le_bytes)),
-        "i8" => Data::I64(numbers(raw, big_endian, i64::from_le_bytes)),
-        "i4" => Data::I32(numbers(raw, big_endian, i32::from_le_bytes)),
-        "i2" => Data::I32(numbers(raw, big_endian, |b| i16::from_le_bytes(b).into())),
-        "i1" => Data::I32(numbers(raw, big_endian, |b| i8::from_le_bytes(b).into())),
-        "u8" => Data::U64(numbers(raw, big_endian, u64::from_le_bytes)),
-        "u4" => Data::U32(numbers(raw, big_endian, u32::from_le_bytes)),
-        "u2" => Data::U32(numbers(raw, big_endian, |b| u16::from_le_bytes(b).into())),
-        "u1" | "b1" => Data::U32(numbers(raw, big_endian, |b| u8::from_le_bytes(b).into())),
-        _ => return None,
-    })
+/// Where entries come from, and how many.
+struct Source<'a> {
+    reader: &'a mut dyn Read,
+    n: usize,
+    big_endian: bool,
 }
 
-fn numbers<const N: usize, T>(raw: &[u8], big_endian: bool, from_le: impl Fn([u8; N]) -> T) -> Vec<T> {
-    let (chunks, _) = raw.as_chunks::<N>();
-    chunks
-        .iter()
-        .map(|&c| {
-            let mut c = c;
-            if big_endian {
-                c.reverse();
+impl Source<'_> {
+    /// The entries, converted as they arrive. Memory is taken as they do, so a length that is not there costs nothing.
+    fn numbers<const N: usize, T>(&mut self, from_le: impl Fn([u8; N]) -> T) -> Result<Vec<T>, String> {
+        const CHUNK: usize = 1 << 13;
+        let mut out = Vec::new();
+        let mut bytes = vec![[0u8; N]; CHUNK.min(self.n)];
+        while out.len() < self.n {
+            let count = CHUNK.min(self.n - out.len());
+            let chunk = &mut bytes[..count];
+            self.reader.read_exact(chunk.as_flattened_mut()).map_err(|e| match e.kind() {
+                io::ErrorKind::UnexpectedEof => "has fewer bytes than its shape says; the file is damaged".to_owned(),
+                _ => format!("cannot be read: {e}"),
+            })?;
+            // Doubling, but never beyond what is announced.
+            if out.capacity() < out.len() + count {
+                let room = out.len().max(CHUNK).min(self.n - out.len());
+                out.try_reserve_exact(room).map_err(|_| no_memory(self.n * size_of::<T>()))?;
             }
-            from_le(c)
-        })
-        .collect()
+            for c in chunk {
+                if self.big_endian {
+                    c.reverse();
+                }
+                out.push(from_le(*c));
+            }
+        }
+        Ok(out)
+    }
+}
+
+fn no_memory(bytes: usize) -> String {
+    format!("takes {bytes} bytes of memory, which the system does not give")
 }
 
 /// Fortran order (first index fastest) to C order (last index fastest).
-fn transpose<T: Copy>(fortran: &[T], shape: &[usize]) -> Vec<T> {
+fn transpose<T: Copy>(fortran: &[T], shape: &[usize]) -> Result<Vec<T>, String> {
     let mut index = vec![0; shape.len()];
-    let mut out = Vec::with_capacity(fortran.len());
+    let mut out = Vec::new();
+    out.try_reserve_exact(fortran.len()).map_err(|_| no_memory(size_of_val(fortran)))?;
     for _ in 0..fortran.len() {
         let offset = index.iter().zip(shape).rev().fold(0, |offset, (&i, &n)| offset * n + i);
         out.push(fortran[offset]);
@@ -179,7 +213,7 @@ fn transpose<T: Copy>(fortran: &[T], shape: &[usize]) -> Vec<T> {
             *i = 0;
         }
     }
-    out
+    Ok(out)
 }
 
 macro_rules! from_vec {
@@ -236,7 +270,7 @@ mod tests {
     use super::*;
 
     fn header(text: &str) -> Option<(String, bool, Vec<usize>)> {
-        parse_header(text).ok().map(|h| (h.descr, h.fortran, h.shape))
+        parse_header(text).ok()
     }
 
     #[test]
@@ -270,7 +304,7 @@ mod tests {
     #[test]
     fn fortran_order_is_undone() {
         // numpy: a = arange(6).reshape(2, 3); a.flatten("F") is 0 3 1 4 2 5.
-        assert_eq!(transpose(&[0, 3, 1, 4, 2, 5], &[2, 3]), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(transpose(&[0, 3, 1, 4, 2, 5], &[2, 3]).unwrap(), [0, 1, 2, 3, 4, 5]);
         let c: Vec<i32> = (0..24).collect();
         let f: Vec<i32> = (0..24)
             .map(|k| {
@@ -278,7 +312,7 @@ mod tests {
                 c[((i * 3 + j) * 4 + l) as usize]
             })
             .collect();
-        assert_eq!(transpose(&f, &[2, 3, 4]), c);
-        assert_eq!(transpose(&[5], &[]), [5]);
+        assert_eq!(transpose(&f, &[2, 3, 4]).unwrap(), c);
+        assert_eq!(transpose(&[5], &[]).unwrap(), [5]);
     }
 }

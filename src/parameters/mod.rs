@@ -13,6 +13,7 @@ use lanesim_kernels::model::{Model as Tables, Quantities, Quantity, Transmission
 use crate::compile::{self, Weights, potential};
 use crate::error::Error;
 use crate::model::{ArrayData, FrictionSource, Model};
+use crate::suggest;
 
 /// An array of the model that can differ from world to world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -106,9 +107,9 @@ impl Parameter {
     /// If there is none; the message lists those that there are.
     pub fn named(name: &str) -> Result<Parameter, Error> {
         let found = Self::ALL.iter().find(|(_, known)| *known == name).map(|(parameter, _)| *parameter);
-        let names = Self::ALL.map(|(_, name)| name).join(", ");
+        let names = suggest::or_list(name, Self::ALL.map(|(_, name)| name));
         let stale = if INERTIAL.contains(&name) { STALE } else { "" };
-        found.ok_or_else(|| Error::Unknown(format!("{name} cannot differ between worlds{stale}; what can: {names}")))
+        found.ok_or_else(|| Error::Unknown(format!("{name} cannot differ between worlds{stale}; {names}")))
     }
 
     /// A world's dimensions.

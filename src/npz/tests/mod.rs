@@ -2,10 +2,12 @@
 
 use std::io::{Cursor, Write};
 
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
+use ::zip::write::SimpleFileOptions;
+use ::zip::{CompressionMethod, ZipWriter};
 
 use super::*;
+
+mod hostile;
 
 /// `numpy.savez(file, q=numpy.array([[1.5, -2.0]]))`, NumPy 2.4.
 const FROM_NUMPY: &str = "504b03042d00000000000000210075d8b17effffffffffffffff05001400712e6e7079010010009000000000000000900000\
@@ -112,7 +114,8 @@ fn errors_name_the_array_and_the_problem() {
         ("{'descr': '<f8', 'fortran_order': False, 'shape': (2,)}", &[0; 8], "fewer bytes"),
         ("{'descr': '<f8', 'fortran_order': False, 'shape': (2,)}", &[0; 24], "more bytes"),
         ("{'descr': '<f8', 'fortran_order': False, 'shape': (4000000000, 4000000000)}", b"", "impossible shape"),
-        ("{'descr': '<f8', 'fortran_order': False, 'shape': (2305843009213693951,)}", b"", "fewer bytes"),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (2305843009213693951,)}", b"", "impossible shape"),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (1152921504606846975,)}", b"", "fewer bytes"),
         ("nonsense", b"", "malformed header"),
     ] {
         let message = array(text, raw).unwrap_err();

@@ -1,5 +1,8 @@
 //! The command line as users meet it: files, exit statuses, messages.
 
+mod files;
+mod names;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -123,6 +126,7 @@ fn rollout_writes_what_was_asked_for() {
     assert_ne!(run(&["--noise", "--seed", "1"])["state_hash"], run(&["--noise", "--seed", "2"])["state_hash"]);
     assert_eq!(run(&["--noise=1"])["state_hash"], run(&["--noise"])["state_hash"]);
     assert_ne!(run(&["--noise=0.5"])["state_hash"], run(&["--noise"])["state_hash"]);
+    assert_eq!(run(&["--noise=0.5"])["state_hash"], run(&["--noise", "0.5"])["state_hash"]);
 }
 
 #[test]
@@ -140,6 +144,10 @@ fn wrong_arrays_are_named() {
     with(["--controls"], &nan, "array `ctrl` holds NaN at [1, 1, 3]");
     let name = folder.write("name.npz", "control", &[4, 100, 8], vec![0.0; 3200]);
     with(["--controls"], &name, "has no array `ctrl`");
+    let more = folder.path("more.npz");
+    let zeros = |shape: &[usize]| Array::new(shape.to_vec(), Data::F64(vec![0.0; shape.iter().product()])).unwrap();
+    npz::write(Path::new(&more), &[("qpso".into(), zeros(&[4, 15])), ("qvel".into(), zeros(&[4, 14]))]).unwrap();
+    with(["--states"], &more, "array `qpso` is not known here; did you mean \"qpos\"?");
     let other = folder.write("other.npz", "qpos", &[4, 7], vec![0.0; 28]);
     with(["--states"], &other, "was it made for another model?");
     std::fs::write(folder.path("text.npz"), "not an archive").unwrap();
@@ -195,16 +203,16 @@ fn eval_computes_fields() {
     let folder = Folder::new("eval");
     let (empty, out) = (folder.path("empty.npz"), folder.path("out.npz"));
     npz::write(Path::new(&empty), &[]).unwrap();
-    succeeds(&["eval", ANT, "--input", &empty, "--output", &out, "--fields", "qM,qacc,body_mass,ncon,contact_pos"]);
+    succeeds(&["eval", ANT, "--input", &empty, "--output", &out, "--outputs", "qM,qacc,body_mass,ncon,contact_pos"]);
     let arrays = npz::read(Path::new(&out)).unwrap();
     let shapes: Vec<(&str, &[usize])> = arrays.iter().map(|(name, array)| (name.as_str(), array.shape())).collect();
     let expected: [(&str, &[usize]); 5] =
         [("body_mass", &[10]), ("contact_pos", &[1, 0, 3]), ("ncon", &[1]), ("qM", &[1, 14, 14]), ("qacc", &[1, 14])];
     assert_eq!(shapes, expected);
     let states = folder.write("s.npz", "qvel", &[5, 14], vec![0.2; 70]);
-    succeeds(&["eval", ANT, "--input", &states, "--output", &out, "--fields", "time", "--nstep", "3"]);
+    succeeds(&["eval", ANT, "--input", &states, "--output", &out, "--outputs", "time", "--steps", "3"]);
     assert_eq!(npz::read(Path::new(&out)).unwrap()["time"].to_f64().as_ref(), [0.012; 5]);
-    fails(&["eval", ANT, "--input", &states, "--output", &out, "--fields", "qaccc"], 2, "qaccc");
+    fails(&["eval", ANT, "--input", &states, "--output", &out, "--outputs", "qaccc"], 2, "qaccc");
 }
 
 #[test]
