@@ -287,7 +287,7 @@ fn entries(row: &ContactRow) -> usize {
 fn edge<L: Lane>(law: Law<'_, L>, edge: usize) -> (usize, L) {
     let j = edge / 2 + 1;
     let mu = if law.cone == Cone::Pyramid { law.friction(j) } else { L::zero() };
-    (j, if edge % 2 == 0 { mu } else { -mu })
+    (j, if edge.is_multiple_of(2) { mu } else { -mu })
 }
 
 /// Forces of a contact by component.
