@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use crate::columns::Column;
 use crate::error::Error;
 use crate::memory;
 use crate::model::{ArrayData, Model};
 use crate::npz::{Array, Data};
 use crate::outputs::Output;
 use crate::suggest;
-use crate::worlds::{Column, Field, Options, Worlds};
+use crate::worlds::{Field, Options, Worlds};
 
 /// What a field name stands for.
 enum Request {

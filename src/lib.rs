@@ -2,6 +2,7 @@
 
 mod batch;
 mod block;
+mod columns;
 pub mod compile;
 pub mod convex;
 pub mod diagnostics;

@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{self as kernel, Cast};
 
 use crate::diagnostics::Diagnostics;
@@ -260,7 +259,7 @@ impl Model {
 
     /// The tables of the kernels in single precision, made when first asked for.
     pub fn tables_f32(&self) -> &Arc<kernel::Model<f32>> {
-        self.0.tables_f32.get_or_init(|| Arc::new(round(&self.0.tables)))
+        self.0.tables_f32.get_or_init(|| Arc::new(self.0.tables.cast()))
     }
 
     /// Names of the elements.
@@ -328,15 +327,6 @@ impl Model {
     pub fn report(&self) -> &Report {
         &self.0.report
     }
-}
-
-/// The tables in a smaller real type, with what may not fall below that type's least values.
-pub(crate) fn round<U: Real>(tables: &kernel::Model<f64>) -> kernel::Model<U> {
-    let mut out: kernel::Model<U> = tables.cast();
-    for (pair, exact) in out.pairs.iter_mut().zip(&tables.pairs) {
-        pair.friction = exact.friction.map(|x| U::from_f64(x.max(U::MINMU)));
-    }
-    out
 }
 
 #[cfg(test)]

@@ -9,7 +9,6 @@ use lanesim_kernels::state::{Applied, BlockStatus, Status, state_len};
 use crate::block::Block;
 use crate::error::Error;
 use crate::memory;
-use crate::parameters;
 use crate::status::First;
 use crate::worlds::Field;
 
@@ -77,8 +76,8 @@ impl<L: LaneQuery> Store<L> {
     pub fn put(&mut self, quantity: Quantity, world: usize, values: &[f64]) {
         let varied = self.kept[world / L::WIDTH].varied.as_mut();
         let lanes = varied.map_or(&mut [][..], |varied| varied.lanes_mut(quantity));
-        for (i, (entry, x)) in lanes.iter_mut().zip(values).enumerate() {
-            entry.set(world % L::WIDTH, parameters::rounded(quantity, i, *x));
+        for (entry, x) in lanes.iter_mut().zip(values) {
+            entry.set(world % L::WIDTH, L::Real::from_f64(*x));
         }
     }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use lanesim_codegen::{Float, Fragment, InstructionSet, Statistics};
 use lanesim_kernels::code::Kernels;
 use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::model::Cast;
 use lanesim_kernels::state::Status;
 use wide::{f32x16, f64x8};
 
@@ -523,40 +524,6 @@ impl Worlds {
         Some(Error::Diverged { world, event })
     }
 
-    /// Computes `outputs` without stepping, no more than they need, and hands each world's to `sink`, in the order of
-    /// worlds: world, then one array per output.
-    ///
-    /// # Errors
-    ///
-    /// If there is no memory for them.
-    pub fn forward(&mut self, outputs: &[Output], sink: &mut dyn FnMut(usize, Vec<Vec<f64>>)) -> Result<(), Error> {
-        let columns = self.columns(outputs)?;
-        for world in 0..self.nworld() {
-            sink(world, columns.iter().map(|column| column.of(world).to_vec()).collect());
-        }
-        Ok(())
-    }
-
-    /// The same, output by output.
-    pub(crate) fn columns(&mut self, outputs: &[Output]) -> Result<Vec<Column>, Error> {
-        let mut columns = outputs.iter().map(|output| self.column(output)).collect::<Result<Vec<_>, _>>()?;
-        self.engine.read_all(outputs, columns.iter_mut().map(Column::rows).collect(), None);
-        Ok(columns)
-    }
-
-    /// Room for an output of all worlds.
-    fn column(&self, output: &Output) -> Result<Column, Error> {
-        let (what, limit) = ("the outputs", self.options.max_memory);
-        let nworld = self.nworld();
-        match output.width(&self.model) {
-            Some(width) => Ok(Column::Numbers { values: memory::zeros(what, &[nworld, width], limit)?, width }),
-            None => {
-                memory::ask(what, &[nworld, size_of::<Vec<f64>>()])?;
-                Ok(Column::Lists(vec![Vec::new(); nworld]))
-            }
-        }
-    }
-
     /// Bytes per world and per thread, as [`memory`](Worlds::memory) says of a batch, without making one.
     pub fn memory_of(model: &Model, options: &Options) -> (usize, usize) {
         match (options.precision, options.backend == Backend::Scalar) {
@@ -588,30 +555,6 @@ pub(crate) fn check_fit(name: &str, rows: &Strided<'_>, nworld: usize, width: us
     Err(Error::Input(format!("{name} has {given} numbers; expected {expected} = nworld {nworld} × {width}")))
 }
 
-/// An output of all worlds.
-pub(crate) enum Column {
-    /// As many numbers for each.
-    Numbers { values: Vec<f64>, width: usize },
-    /// Another number for each.
-    Lists(Vec<Vec<f64>>),
-}
-
-impl Column {
-    fn rows(&mut self) -> Rows<'_> {
-        match self {
-            Column::Numbers { values, .. } => Rows::F64(values),
-            Column::Lists(lists) => Rows::Lists(lists),
-        }
-    }
-
-    fn of(&self, world: usize) -> &[f64] {
-        match self {
-            Column::Numbers { values, width } => &values[world * width..][..*width],
-            Column::Lists(lists) => &lists[world],
-        }
-    }
-}
-
 /// A keyframe, or the reference configuration.
 pub(crate) fn key_state(model: &Model, key: Option<usize>) -> Result<Key, Error> {
     let Some(k) = key else { return Ok(model.initial_key()) };
@@ -640,7 +583,7 @@ impl Tables for f64 {
 
 impl Tables for f32 {
     fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<f32>> {
-        Arc::new(crate::model::round(&tables))
+        Arc::new(tables.cast())
     }
 
     fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f32>> {

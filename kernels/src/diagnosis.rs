@@ -28,11 +28,10 @@ pub enum Element {
 /// How far the square of a quaternion's length may be from 1: a length off by 1e-3.
 const FAR: f64 = 2e-3;
 
-/// Freezes the lanes that a step lost, of which `wild` did not come to the solver, and records why: an acceleration that cannot be
-/// used, or else a state that is too large.
-pub fn freeze<L: LaneQuery>(ws: &Workspace<L>, lost: u32, wild: u32, status: &mut BlockStatus) {
-    let useless = ws.solver.fields.qacc.iter().fold(0, |bits, a| bits | L::bits(!a.within(L::Real::MAXVAL)));
-    let acc = (useless | wild) & lost;
+/// Freezes the lanes that a step lost and records why: a smooth acceleration that is not finite, or else a value that is too large.
+/// What a solver makes of values that are too large, NaN or another such value, says no more, and may depend on other worlds' contacts.
+pub fn freeze<L: LaneQuery>(ws: &Workspace<L>, lost: u32, status: &mut BlockStatus) {
+    let acc = ws.acceleration.qacc_smooth.iter().fold(0, |bits, a| bits | L::bits(not_finite(*a))) & lost;
     status.record(Status::NON_FINITE_ACC, acc);
     status.record(Status::HUGE_VALUE, lost & !acc);
     status.record(Status::FROZEN, lost);
@@ -111,12 +110,15 @@ pub fn element<L: LaneQuery>(
     let first = |values: &[L], test: &dyn Fn(L) -> L::Mask| values.iter().position(|x| holds(test(*x)));
     let dof = |i: Option<usize>| i.map(|i| Element::Dof(i as u32));
     let joint_of = |q: Option<usize>| q.and_then(|q| joint_at(model, q));
+    let (next, smooth) = (&ws.integration, &ws.acceleration.qacc_smooth);
     // A wild lane has no other acceleration.
-    let wild = holds(wild(&ws.acceleration.qacc_smooth));
-    let (next, qacc) = (&ws.integration, if wild { &ws.acceleration.qacc_smooth } else { &ws.solver.fields.qacc });
+    let qacc = if holds(wild(smooth)) { smooth } else { &ws.solver.fields.qacc };
     let found = match status {
-        Status::NON_FINITE_ACC => dof(first(qacc, &not_finite)).or_else(|| dof(first(qacc, &huge))),
-        Status::HUGE_VALUE => dof(first(&next.qvel, &huge)).or_else(|| joint_of(first(&next.qpos, &huge))),
+        Status::NON_FINITE_ACC => dof(first(smooth, &not_finite)),
+        Status::HUGE_VALUE => {
+            let moves = dof(first(qacc, &huge)).or_else(|| dof(first(&next.qvel, &huge)));
+            moves.or_else(|| joint_of(first(&next.qpos, &huge)))
+        }
         Status::BAD_CTRL => first(&state.ctrl, &huge).map(|u| Element::Actuator(u as u32)),
         Status::SINGULAR_INERTIA => {
             // Too small a pivot was replaced by the least.

@@ -285,7 +285,7 @@ pub fn step<L: LaneQuery>(
     status.record(Status::NOT_CONVERGED, solved.unfinished & good);
     let lost = status.alive & !good;
     if lost != 0 {
-        diagnosis::freeze(ws, lost, lost & !solved.lanes, status);
+        diagnosis::freeze(ws, lost, status);
     }
     if let Some(clock) = &mut run.clock {
         clock.end(Stage::Integration);

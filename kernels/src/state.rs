@@ -40,9 +40,10 @@ impl Status {
     pub const NON_FINITE_POS: Status = Status(1 << 0);
     /// A velocity from outside was NaN or infinite.
     pub const NON_FINITE_VEL: Status = Status(1 << 1);
-    /// An acceleration, or a force from outside, was NaN or infinite; or an acceleration was larger than the largest magnitude.
+    /// The smooth acceleration, or a force from outside, was NaN or infinite.
     pub const NON_FINITE_ACC: Status = Status(1 << 2);
-    /// A position, a velocity or a force from outside exceeded the largest magnitude.
+    /// A position, a velocity, a force from outside or an acceleration exceeded the largest magnitude; numbers so large may overflow
+    /// to NaN in the solver.
     pub const HUGE_VALUE: Status = Status(1 << 3);
     /// A control was NaN or infinite: all controls of that step were 0.
     pub const BAD_CTRL: Status = Status(1 << 4);

@@ -35,6 +35,7 @@ use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
 use crate::spec::{Source, Spec};
 use actuators::Actuators;
 use links::Links;
+pub(crate) use pairs::MINMU;
 use order::Scene;
 
 /// Compiles a model, or says everything that is wrong with it.

@@ -18,7 +18,8 @@ const MAX_PAIRS: usize = 4_000_000;
 /// Most entries of the table of pairs' dofs.
 const MAX_PAIR_DOFS: usize = 1 << 25;
 const MINVAL: f64 = 1e-15;
-const MINMU: f64 = 1e-5;
+/// Smallest friction coefficient.
+pub(crate) const MINMU: f64 = 1e-5;
 
 /// The tables of collision.
 #[derive(Default)]

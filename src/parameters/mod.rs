@@ -7,10 +7,9 @@
 
 mod worlds;
 
-use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Model as Tables, Quantities, Quantity, Transmission};
 
-use crate::compile::{self, Weights, potential};
+use crate::compile::{self, MINMU, Weights, potential};
 use crate::error::Error;
 use crate::model::{ArrayData, FrictionSource, Model};
 use crate::suggest;
@@ -309,7 +308,7 @@ fn grips(model: &Model, friction: &[f64]) -> Vec<f64> {
             FrictionSource::Geom(geom) => of(geom),
             FrictionSource::Larger(a, b) => std::array::from_fn(|k| of(a)[k].max(of(b)[k])),
         };
-        own[..5].copy_from_slice(&[slide, slide, spin, roll, roll]);
+        own[..5].copy_from_slice(&[slide, slide, spin, roll, roll].map(|x| x.max(MINMU)));
     }
     out
 }
@@ -332,13 +331,6 @@ fn violates(moments: &[f64]) -> bool {
     let [a, b, c] = [moments[0], moments[1], moments[2]];
     let slack = 1.0 + 1e-12;
     (a + b) * slack < c || (a + c) * slack < b || (b + c) * slack < a
-}
-
-/// A number of the tables in another real type, as the tables themselves are rounded.
-pub(crate) fn rounded<T: Real>(quantity: Quantity, i: usize, x: f64) -> T {
-    // Friction may not fall below the type's least.
-    let least = quantity == Quantity::Grip && i % 6 < 5;
-    T::from_f64(if least { x.max(T::MINMU) } else { x })
 }
 
 /// The tables with a structure that allows for what varies, whatever values it takes.

@@ -28,8 +28,6 @@ pub trait Real: Copy + Debug + Default + PartialOrd + Send + Sync + 'static {
     const PIVOT_ROUNDING: f64;
     /// States above this are huge: the world is frozen.
     const MAXVAL: f64;
-    /// Smallest friction coefficient.
-    const MINMU: f64;
     /// Name, as the command line spells it.
     const NAME: &'static str;
     /// Difference between 1 and the next number.
@@ -50,7 +48,6 @@ impl Real for f64 {
     const TINY: f64 = 1e-15;
     const PIVOT_ROUNDING: f64 = 0.0;
     const MAXVAL: f64 = 1e10;
-    const MINMU: f64 = 1e-5;
     const NAME: &'static str = "f64";
     const EPSILON: f64 = f64::EPSILON;
     const MAX: f64 = f64::MAX;
@@ -73,7 +70,6 @@ impl Real for f32 {
     const TINY: f64 = 1e-30;
     const PIVOT_ROUNDING: f64 = f32::EPSILON as f64;
     const MAXVAL: f64 = 1e7;
-    const MINMU: f64 = 1e-5;
     const NAME: &'static str = "f32";
     const EPSILON: f64 = f32::EPSILON as f64;
     const MAX: f64 = f32::MAX as f64;
