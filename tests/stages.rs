@@ -90,7 +90,7 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
         // Poses of geoms wait until a pair needs them.
         ("collision", "pos" | "axis") => false,
         // They tell of steps before, too.
-        ("collision", "way" | "stir" | "travel" | "due") => false,
+        ("collision", "way" | "blur" | "stir" | "travel" | "due") => false,
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
         ("actuation", "length" | "moment") => true,
         ("actuation", _) => model.features.actuation,

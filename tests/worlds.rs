@@ -81,11 +81,11 @@ fn wrong_inputs_of_eval_are_named() {
         eval(&model, &inputs, &[field], 0, &wide())
     };
     let two = array(&[2, 2], vec![0.0; 4]);
-    fails(run(&[("qpso", two.clone())], "qacc"), "unknown input array qpso; inputs are time, qpos");
+    fails(run(&[("qpso", two.clone())], "qacc"), "unknown input array qpso; did you mean \"qpos\"?");
     fails(run(&[("qpos", array(&[2, 3], vec![0.0; 6]))], "qacc"), "qpos has shape [2, 3]; expected [N, 2]");
     fails(run(&[("qpos", two.clone()), ("qvel", array(&[1, 2], vec![0.0; 2]))], "qacc"), "another input has 2");
     fails(run(&[("qpos", array(&[1, 2], vec![0.0, f64::NAN]))], "qacc"), "qpos[1] of world 0 is NaN");
-    fails(run(&[("qpos", two)], "qaac"), "there is no output qaac; did you mean \"qacc\"?");
+    fails(run(&[("qpos", two)], "qaac"), "there is no output or model array qaac; did you mean \"qacc\"?");
 }
 
 /// What cannot be run yet is refused at load, and what is said. The table shrinks as things are built.
