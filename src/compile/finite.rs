@@ -10,6 +10,9 @@ use crate::spec::{Source, Spec};
 
 /// Most elements that are named.
 const MOST: usize = 20;
+/// Farthest that a geom may be from its tree's first joint, or stand from the world's origin, and largest that it may be, m: bounding
+/// tests square distances in single precision.
+const FARTHEST: f64 = 1e15;
 
 /// Refuses every element of which a table holds a number that is not finite.
 pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &Derived, diagnostics: &mut Diagnostics) {
@@ -35,7 +38,7 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     }
     for (link, lever) in tables.links.iter().zip(&tables.levers) {
         at(body(link.body as usize), link.overflow());
-        at(body(link.body as usize), (!lever.representable()).then_some("reach"));
+        at(body(link.body as usize), (*lever > FARTHEST || !lever.representable()).then_some("reach"));
     }
     for (i, entry) in tables.joints.iter().enumerate() {
         at(joint(i), entry.overflow());
@@ -54,6 +57,8 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     }
     for entry in &tables.geoms {
         at(geom(entry.id as usize), entry.overflow());
+        let far = entry.pos.iter().chain([&entry.rbound]).any(|x| x.abs() > FARTHEST);
+        at(geom(entry.id as usize), far.then_some("place or size"));
     }
     for entry in &tables.pairs {
         at(geom(tables.geoms[entry.geom1 as usize].id as usize), entry.overflow());

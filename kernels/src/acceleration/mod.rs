@@ -5,7 +5,7 @@ pub mod articulated;
 use crate::actuation::Actuation;
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::{Lane, Real};
+use crate::lane::{Lane, Mask, Real};
 use crate::math::ldl;
 use crate::math::spatial::{dot6, inertia_mul, join};
 use crate::math::tree;
@@ -110,8 +110,12 @@ pub fn smooth_acceleration<L: Lane>(
 /// the solver would overflow.
 const WILD: f64 = 1e3;
 
-/// Lanes in which the smooth acceleration is not finite, or longer than a solver can work with.
+/// Lanes in which the smooth acceleration is not finite, or longer than a solver can work with. In double precision there is none
+/// whose squares overflow.
 pub fn wild<L: Lane>(qacc_smooth: &[L]) -> L::Mask {
+    if L::Real::EPSILON < 1e-10 {
+        return L::Mask::splat(false);
+    }
     let square = qacc_smooth.iter().fold(L::zero(), |sum, a| a.mul_add(*a, sum));
     let most = WILD * L::Real::MAXVAL;
     !square.le(L::of(most * most))

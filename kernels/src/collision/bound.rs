@@ -127,14 +127,14 @@ pub fn nearest_first<T: Scalar>(model: &Model<T>) -> Vec<u32> {
 }
 
 /// The bounding tests of some pairs, from the poses of links: where each is near, and lower bounds of the distances by which
-/// the pairs within a tree, and others, are not; zero where some distance is not a finite number.
+/// the pairs within a tree, and others, are not. All distances are finite: the compiler and the check of states answer for that.
 pub fn near_pairs<L: Lane>(
     model: &Model<L::Real>,
     position: &Position<L>,
     pairs: &[u32],
     near: &mut Vec<L::Mask>,
 ) -> [L; 2] {
-    let (mut gaps, mut sums) = ([L::of(L::Real::MAX); 2], [L::zero(); 2]);
+    let mut gaps = [L::of(L::Real::MAX); 2];
     for p in pairs {
         let test = Test::new(model, &model.pairs[*p as usize]);
         let bodies = test.geoms.map(|g| body(model, position, g as usize));
@@ -143,8 +143,6 @@ pub fn near_pairs<L: Lane>(
         near.push(mask);
         let frame = test.frame();
         gaps[frame] = gap.min(gaps[frame]);
-        // What is not finite stays so in a sum; a minimum forgets it.
-        sums[frame] += gap;
     }
-    [0, 1].map(|frame| L::select(sums[frame].within(L::Real::MAX), gaps[frame], L::zero()))
+    gaps
 }

@@ -159,6 +159,11 @@ fn numbers_that_overflow() {
     assert!(heavy.contains("2: body \"a\": mass leaves the range of numbers (of single precision, too)"), "{heavy}");
     let armed = problem(&world("<joint name='j' armature='1e39'/><geom size='.1'/>"));
     assert!(armed.contains("2: joint \"j\": armature leaves the range of numbers"), "{armed}");
+    // Distances between geoms are squared.
+    let ball = "<body><freejoint/><geom size='.1'/></body>";
+    let still =
+        problem(&format!("<mujoco><worldbody>{ball}\n<geom name='g' size='.1' pos='1e16 0 0'/></worldbody></mujoco>"));
+    assert!(still.contains("2: geom \"g\": place or size leaves the range of numbers"), "{still}");
     let gear = "<actuator>\n<motor joint='j' gear='1e60'/></actuator>";
     let text = format!(
         "<mujoco><worldbody><body><joint name='j'/><geom size='.1' pos='1 0 0'/></body></worldbody>{gear}</mujoco>"
