@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use lanesim_kernels::code::{Code, Outside};
 use lanesim_kernels::diagnosis::{self, Element};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model as KernelModel, Quantities, Quantity, Varied};
+use lanesim_kernels::part::Executor;
 use lanesim_kernels::pipeline::{self, Run, StageClock};
-use lanesim_kernels::state::{BlockStatus, Status};
+use lanesim_kernels::state::{Applied, BlockStatus, Status};
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
@@ -103,8 +103,11 @@ struct Worker<L: LaneQuery> {
     buffers: Buffers,
 }
 
+/// What acts on a block from outside: forces, and numbers of the model that vary.
+type Outside<'a, L> = (Option<&'a Applied<L>>, Option<&'a Varied<L>>);
+
 /// A worker's way to the code made for the model.
-pub(crate) type WorkerCode<L> = Box<dyn Code<L> + Send>;
+pub(crate) type WorkerCode<L> = Box<dyn Executor<L> + Send>;
 
 impl<L: LaneQuery> Seat<L> {
     /// A thread's own for a model of which so much varies.
@@ -308,8 +311,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
             // Nobody's step yet: what cannot be stepped is left out, not frozen.
             valid = bad.iter().fold(before.alive, |valid, (_, lanes)| valid & !lanes);
             block.status.alive = valid;
-            let mut run = self.run(plan, (block.applied.as_deref(), block.varied.as_deref()), code.as_mut());
-            let found = pipeline::forward(&self.tables, &block.state, &mut run, &mut block.status, workspace);
+            let Block { state, status, applied, varied, .. } = &mut *block;
+            let mut run = self.run(plan, (applied.as_deref(), varied.as_deref()), code.as_mut());
+            let found = pipeline::forward(&self.tables, state, &mut run, status, workspace);
             block.status.record(Status::NOT_CONVERGED, found.unfinished);
             (block.status.alive, solved) = (before.alive, found.lanes);
             if block.status != before {
@@ -340,10 +344,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         kept
     }
 
-    fn run<'a>(&self, plan: &Plan, (applied, varied): Outside<'a, L>, code: &'a mut dyn Code<L>) -> Run<'a, L> {
+    fn run<'a>(&self, plan: &Plan, (applied, varied): Outside<'a, L>, executor: &'a mut dyn Executor<L>) -> Run<'a, L> {
         let (max_contacts, convex) = (self.max_contacts, &SupportCollider);
         let Plan { stages, residual, derived: keep } = *plan;
-        Run { applied, varied, clock: None, max_contacts, convex, stages, residual, code, keep }
+        Run { applied, varied, clock: None, max_contacts, convex, stages, residual, executor, keep }
     }
 
     /// Looks at what a block has from outside: flags what is unusual, and freezes or starts again what cannot be stepped. A step
@@ -691,7 +695,7 @@ mod tests {
             "<mujoco><worldbody><body><joint name='j' axis='0 1 0'/><geom size='.1' pos='.3 0 0'/></body></worldbody>
             <actuator><motor joint='j'/></actuator></mujoco>";
         let model = Model::from_xml_string(text, &Default::default()).expect("a model");
-        let kernels = || -> WorkerCode<f64x8> { Box::new(lanesim_kernels::code::Kernels) };
+        let kernels = || -> WorkerCode<f64x8> { Box::new(lanesim_kernels::part::Kernels) };
         let pool = Arc::new(Pool::new(Some(2), false).expect("a pool"));
         Batch::new(&model, worlds, kernels, pool, &Options::default(), None).expect("a batch")
     }

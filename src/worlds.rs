@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use lanesim_codegen::{Float, Fragment, InstructionSet, Statistics};
-use lanesim_kernels::code::Kernels;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::Cast;
+use lanesim_kernels::part::Kernels;
 use lanesim_kernels::state::Status;
 use wide::{f32x16, f64x8};
 
@@ -270,7 +270,7 @@ impl Worlds {
     /// none. Makes what has not been needed yet.
     pub fn code(&self) -> Vec<CodePart> {
         fn list<T: Float>(code: &Result<Arc<ModelCode<T>>, String>) -> Vec<CodePart> {
-            let parts = code.as_ref().map(|code| code.parts()).unwrap_or_default();
+            let parts = code.as_ref().map(|code| code.all()).unwrap_or_default();
             let part = |(name, code): (_, Option<&Fragment<T>>)| CodePart {
                 name,
                 statistics: code.map(|code| code.statistics().clone()),

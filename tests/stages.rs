@@ -6,12 +6,12 @@ mod support;
 use lanesim::Model;
 use lanesim::convex::SupportCollider;
 use lanesim_kernels::acceleration::articulated::{self, Scratch};
-use lanesim_kernels::code::{Code, Kernels};
-use lanesim_kernels::collision::{Contact, near_pairs, nearest_first};
+use lanesim_kernels::collision::Contact;
 use lanesim_kernels::fields::FieldView;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::math::{ldl, spatial};
 use lanesim_kernels::model::{JointKind, Model as Tables, NONE};
+use lanesim_kernels::part::{Executor, Kernels, Op, Part, Step};
 use lanesim_kernels::pipeline::{self, Run, Stage, Stages};
 use lanesim_kernels::position::{Position, kinematics};
 use lanesim_kernels::state::{BlockStatus, State};
@@ -56,12 +56,17 @@ fn step<L: LaneQuery>(model: &Tables<L::Real>, state: &State<L>, ws: &mut Worksp
     step_by(&mut Kernels, model, state, ws);
 }
 
-fn step_by<L: LaneQuery>(code: &mut dyn Code<L>, model: &Tables<L::Real>, state: &State<L>, ws: &mut Workspace<L>) {
+fn step_by<L: LaneQuery>(
+    executor: &mut dyn Executor<L>,
+    model: &Tables<L::Real>,
+    state: &State<L>,
+    ws: &mut Workspace<L>,
+) {
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
     let (convex, stages) = (&SupportCollider, Stages::up_to(Stage::Energy));
     let (residual, keep) = (false, true);
     let mut run =
-        Run { applied: None, varied: None, clock: None, max_contacts: 1024, convex, stages, residual, code, keep };
+        Run { applied: None, varied: None, clock: None, max_contacts: 1024, convex, stages, residual, executor, keep };
     pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
 }
 
@@ -90,7 +95,7 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
         // Poses of geoms wait until a pair needs them.
         ("collision", "pos" | "axis") => false,
         // They tell of steps before, too.
-        ("collision", "way" | "blur" | "stir" | "travel" | "due") => false,
+        ("collision", "way" | "blur" | "stir" | "travel" | "due" | "gaps") => false,
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
         ("actuation", "length" | "moment") => true,
         ("actuation", _) => model.features.actuation,
@@ -120,6 +125,7 @@ fn poison<L: LaneQuery>(model: &Tables<L::Real>, ws: &mut Workspace<L>) {
         }
     });
     ws.solver.fields.wrench.as_flattened_mut().fill(L::zero());
+    ws.solver.fields.pull.fill(L::zero());
     ws.solver.fields.stiffness.as_flattened_mut().fill(L::zero());
     let m = &mut ws.inertia.m;
     m.fill(L::zero());
@@ -191,36 +197,31 @@ fn every_stage_writes_all_that_it_promises_f32() {
 }
 
 /// Kernels that test pairs in groups, as code does.
-struct Grouped<'a, T> {
-    tables: &'a Tables<T>,
-    groups: Vec<Vec<u32>>,
+struct Grouped {
     tested: usize,
 }
 
-impl<L: LaneQuery> Code<L> for Grouped<'_, L::Real> {
-    fn groups(&self) -> usize {
-        self.groups.len()
+impl<L: LaneQuery> Executor<L> for Grouped {
+    fn in_groups(&self) -> bool {
+        true
     }
 
-    fn near(&mut self, group: usize, position: &Position<L>, alive: u32, near: &mut [u32], gaps: &mut [L; 2]) -> bool {
-        let (pairs, mut masks) = (&self.groups[group], vec![]);
-        *gaps = near_pairs(self.tables, position, pairs, &mut masks);
-        pairs.iter().zip(&masks).for_each(|(p, mask)| near[*p as usize] = L::bits(*mask) & alive);
-        self.tested += 1;
-        pairs.iter().any(|p| near[*p as usize] != 0)
+    fn run(&mut self, part: Part, given: u32, returned: &mut [u32], step: &mut Step<'_, L>) {
+        self.tested += usize::from(part.op == Op::Near);
+        Kernels.run(part, given, returned, step);
     }
 }
 
 /// One step of the worlds' contacts in a workspace that has seen other steps, and in a new one.
 fn check_contacts<L: LaneQuery>(
     name: &str,
-    code: &mut dyn Code<L>,
+    executor: &mut dyn Executor<L>,
     tables: &Tables<L::Real>,
     state: &State<L>,
     used: &mut Workspace<L>,
 ) {
     let mut fresh = Workspace::new(tables);
-    step_by(code, tables, state, used);
+    step_by(executor, tables, state, used);
     step(tables, state, &mut fresh);
     assert_eq!(used.collision.slots, fresh.collision.slots, "{name}");
     for (a, b) in used.collision.contacts().zip(fresh.collision.contacts()) {
@@ -242,8 +243,10 @@ fn far_pairs_are_not_missed<L: LaneQuery>(tables: fn(&Model) -> &Arc<Tables<L::R
         let mut worlds: Vec<World> = (0..L::WIDTH).map(|_| world(&model, &mut random)).collect();
         let mut used = Workspace::<L>::new(tables);
         let mut grouped = Workspace::<L>::new(tables);
-        let order = nearest_first(tables);
-        let mut code = Grouped { tables, groups: order.chunks(5).map(<[u32]>::to_vec).collect(), tested: 0 };
+        let mut code = Grouped { tested: 0 };
+        // Many groups, whatever the number of pairs.
+        let pairs = grouped.collision.groups.concat();
+        grouped.collision.groups = pairs.chunks(5).map(<[u32]>::to_vec).collect();
         for round in 0..60 {
             let size = [0.0002, 0.02, 0.1][round / 10 % 3];
             for world in &mut worlds {
@@ -259,7 +262,7 @@ fn far_pairs_are_not_missed<L: LaneQuery>(tables: fn(&Model) -> &Arc<Tables<L::R
             check_contacts(&format!("{name} round {round}"), &mut Kernels, tables, &state, &mut used);
             check_contacts(&format!("{name} round {round}, groups"), &mut code, tables, &state, &mut grouped);
             contacts += used.collision.slots.len();
-            all += code.groups.len();
+            all += grouped.collision.groups.len();
         }
         tested += code.tested;
     }

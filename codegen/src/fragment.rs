@@ -328,39 +328,45 @@ impl<T: Float> Fragment<T> {
 
     /// Runs the code once for every item, one after the other, on parts of larger fields: of each field the recorded number of
     /// entries from the start that the item gives for it, with a mask of its own, the only one that the code is given. What a
-    /// run writes, the next one reads.
+    /// run writes, the next one reads. Starts beyond the number of fields are of no meaning.
     ///
     /// # Panics
     ///
     /// If the code returns masks, a field's kind differs from what was recorded, a field that is written was lent for
-    /// reading only, the number of fields or masks differs, or a part does not lie within its field.
+    /// reading only, the number of fields or masks differs or is greater than `N`, or a part does not lie within its field.
     pub fn run_each_masked<const N: usize>(
         &self,
         scratch: &mut Scratch,
-        fields: &mut [FieldSlice<'_, T>; N],
-        items: impl Iterator<Item = ([usize; N], u32)> + Clone,
+        fields: &mut [FieldSlice<'_, T>],
+        items: &[([usize; N], u32)],
     ) {
         assert!(self.columns.is_none(), "code for windows");
-        assert_eq!(self.fields.len(), N, "number of fields");
+        let count = self.fields.len();
+        assert!(fields.len() == count && count <= N, "number of fields");
         assert_eq!(self.masks_in, 1, "number of masks given");
         assert!(self.masks_out.is_empty(), "code that returns masks runs once");
-        let steps: [usize; N] = std::array::from_fn(|i| field_step(self.fields[i].kind, T::PRECISION));
+        let of_field = |i: usize, f: &dyn Fn(&FieldUse) -> usize| self.fields.get(i).map_or(0, f);
+        let steps: [usize; N] = std::array::from_fn(|i| of_field(i, &|bound| field_step(bound.kind, T::PRECISION)));
         let last: [usize; N] = std::array::from_fn(|i| {
-            let (field, bound) = (&fields[i], &self.fields[i]);
-            let same = self.wanted[i].differs(field.tag) & 3 == 0;
-            assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
-            field.len() - bound.len
+            of_field(i, &|bound| {
+                let field = &fields[i];
+                let same = self.wanted[i].differs(field.tag) & 3 == 0;
+                assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
+                field.len() - bound.len
+            })
         });
         scratch.reserve(self);
         for run in 0..self.runs() {
-            let bases: [*mut u8; N] = std::array::from_fn(|i| self.wanted[i].address(&fields[i], run));
-            for (starts, mask) in items.clone() {
+            let base =
+                |i: usize| self.wanted.get(i).map_or(std::ptr::null_mut(), |wanted| wanted.address(&fields[i], run));
+            let bases: [*mut u8; N] = std::array::from_fn(base);
+            for (starts, mask) in items {
                 let mut addresses = bases;
-                for i in 0..N {
+                for i in 0..count {
                     assert!(starts[i] <= last[i], "part of field {i} from {}", starts[i]);
                     addresses[i] = bases[i].wrapping_add(starts[i] * steps[i]);
                 }
-                let shared = self.arguments(scratch, &[mask], run);
+                let shared = self.arguments(scratch, &[*mask], run);
                 // SAFETY: as in `run`, with parts of fields that lie within them: their kinds and mutability were compared
                 // above, and `last` is the largest start from which a field still has the recorded number of entries. The
                 // addresses are read during the call only.

@@ -175,6 +175,11 @@ impl Node {
 pub(crate) struct Graph {
     pub nodes: Vec<Node>,
     index: FxHashMap<Node, Id>,
+    /// Most nodes beside leaves; 0: any number.
+    pub limit: usize,
+    leaves: usize,
+    /// Once there would have been more nodes, a value and a mask that stand for all others.
+    pub beyond: Option<[Id; 2]>,
 }
 
 impl Graph {
@@ -183,7 +188,30 @@ impl Graph {
         self.put_node(Node { op, args })
     }
 
+    /// New leaves, as many as `args` gives arguments for; returns the first.
+    pub fn leaves(&mut self, op: Op, args: impl Iterator<Item = [u32; 3]>) -> Id {
+        let first = self.nodes.len();
+        self.nodes.extend(args.map(|args| Node { op, args }));
+        self.leaves += self.nodes.len() - first;
+        first as Id
+    }
+
+    /// What stands for nodes beyond the limit.
+    #[cold]
+    fn beyond(&mut self, op: Op) -> Id {
+        let nodes = &mut self.nodes;
+        let [value, mask] = *self.beyond.get_or_insert_with(|| {
+            nodes.push(Node::constant(0));
+            nodes.push(Node { op: Op::MaskConstant, args: [0; 3] });
+            [nodes.len() as Id - 2, nodes.len() as Id - 1]
+        });
+        if op.is_mask() { mask } else { value }
+    }
+
     fn put_node(&mut self, node: Node) -> Id {
+        if self.limit != 0 && self.nodes.len() - self.leaves >= self.limit {
+            return self.beyond(node.op);
+        }
         *self.index.entry(node).or_insert_with(|| {
             self.nodes.push(node);
             self.nodes.len() as Id - 1

@@ -32,7 +32,8 @@ pub struct FieldUse {
 /// Fields are numbered by the caller; a fragment's fields are those from 0 to the highest number bound, and numbers left
 /// out are fields of length 0.
 pub struct Recording<T: Float> {
-    fields: Vec<Option<FieldUse>>,
+    /// With the first of its leaves.
+    fields: Vec<Option<(FieldUse, Option<Id>)>>,
     outputs: Vec<(u32, Vec<Id>)>,
     masks_in: u32,
     masks_out: Vec<Id>,
@@ -50,6 +51,22 @@ impl<T: Float> Recording<T> {
     pub fn new() -> Self {
         recorder::open(T::PRECISION);
         Recording { fields: vec![], outputs: vec![], masks_in: 0, masks_out: vec![], thread: PhantomData }
+    }
+
+    /// The same, which gives up beyond so many operations: the program is [too large](Program::is_too_large) then.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Recording::new).
+    pub fn with_limit(operations: usize) -> Self {
+        let recording = Recording::new();
+        with_graph::<T, _>(|graph| graph.limit = operations);
+        recording
+    }
+
+    /// A value that nothing recorded may depend on.
+    pub fn unknown(&mut self) -> Recorder<T> {
+        Recorder::new(with_graph::<T, _>(|graph| graph.put(Op::Input, [UNKNOWN, 0, 0])))
     }
 
     /// The `len` lane values that the field holds when the fragment starts.
@@ -110,7 +127,8 @@ impl<T: Float> Recording<T> {
             }
         }
         let unused = FieldUse { kind: FieldKind::Lanes, len: 0, written: false };
-        let mut fields: Vec<FieldUse> = self.fields.iter().map(|field| field.unwrap_or(unused)).collect();
+        let mut fields: Vec<FieldUse> =
+            self.fields.iter().map(|field| field.map_or(unused, |(field, _)| field)).collect();
         for store in &stores {
             fields[store.field as usize].written = true;
         }
@@ -122,12 +140,15 @@ impl<T: Float> Recording<T> {
         if self.fields.len() <= field {
             self.fields.resize(field + 1, None);
         }
-        let bound = *self.fields[field].get_or_insert(FieldUse { kind, len, written: false });
+        let (bound, _) = *self.fields[field].get_or_insert((FieldUse { kind, len, written: false }, None));
         assert!(bound.kind == kind && bound.len == len, "field {field} is bound as {bound:?}, not {kind:?} of {len}");
     }
 
-    fn leaves(&self, op: Op, field: usize, len: usize) -> Vec<Recorder<T>> {
-        with_graph::<T, _>(|g| (0..len as u32).map(|i| Recorder::new(g.put(op, [field as u32, i, 0]))).collect())
+    fn leaves(&mut self, op: Op, field: usize, len: usize) -> Vec<Recorder<T>> {
+        let Some((_, first)) = &mut self.fields[field] else { return vec![] };
+        let leaves = || with_graph::<T, _>(|g| g.leaves(op, (0..len as u32).map(|i| [field as u32, i, 0])));
+        let first = *first.get_or_insert_with(leaves);
+        (first..first + len as Id).map(Recorder::new).collect()
     }
 }
 
@@ -137,6 +158,9 @@ impl<T: Float> Drop for Recording<T> {
         recorder::close();
     }
 }
+
+/// Number of the field of what nothing may depend on.
+const UNKNOWN: u32 = u32::MAX;
 
 /// A value to be stored.
 #[derive(Clone, Copy, Debug)]
@@ -165,6 +189,50 @@ impl<T: Float> Program<T> {
     /// Number of masks that a fragment takes and returns.
     pub fn masks(&self) -> (usize, usize) {
         (self.masks_in, self.masks_out.len())
+    }
+
+    /// Whether there were more operations than the recording's limit: it is of no use then.
+    pub fn is_too_large(&self) -> bool {
+        self.graph.beyond.is_some()
+    }
+
+    /// The fields that it has to do with, by number: what it reads and writes.
+    ///
+    /// # Panics
+    ///
+    /// If something depends on an [unknown](Recording::unknown) value.
+    pub fn uses(&self) -> Vec<usize> {
+        let mut live = vec![false; self.graph.nodes.len()];
+        let mut uses = vec![false; self.fields.len()];
+        for root in self.stores.iter().map(|store| store.value).chain(self.masks_out.iter().copied()) {
+            live[root as usize] = true;
+        }
+        self.stores.iter().for_each(|store| uses[store.field as usize] = true);
+        for id in (0..live.len()).rev() {
+            if !live[id] {
+                continue;
+            }
+            let node = &self.graph.nodes[id];
+            node.operands().iter().for_each(|operand| live[*operand as usize] = true);
+            if matches!(node.op, Op::Input | Op::Uniform) {
+                assert!(node.args[0] != UNKNOWN, "what was recorded depends on a value that it was not given");
+                uses[node.args[0] as usize] = true;
+            }
+        }
+        (0..uses.len()).filter(|field| uses[*field]).collect()
+    }
+
+    /// Numbers the fields anew: those of a list, which has all that it [uses](Program::uses), in that order.
+    pub fn renumber(&mut self, fields: &[usize]) {
+        let mut place = vec![UNKNOWN; self.fields.len()];
+        fields.iter().zip(0..).for_each(|(field, new)| place[*field] = new);
+        for node in self.graph.nodes.iter_mut().filter(|node| matches!(node.op, Op::Input | Op::Uniform)) {
+            if node.args[0] != UNKNOWN {
+                node.args[0] = place[node.args[0] as usize];
+            }
+        }
+        self.stores.iter_mut().for_each(|store| store.field = place[store.field as usize]);
+        self.fields = fields.iter().map(|field| self.fields[*field]).collect();
     }
 
     /// Number of different values recorded, used or not.

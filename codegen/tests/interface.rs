@@ -194,7 +194,7 @@ fn every_part_with_a_mask_of_its_own() {
             FieldSlice::write(&mut halves),
             FieldSlice::uniform(&factors),
         ];
-        sums().compile(isa).unwrap().run_each_masked(&mut Scratch::new(), &mut fields, items.into_iter());
+        sums().compile(isa).unwrap().run_each_masked(&mut Scratch::new(), &mut fields, &items);
         assert_same(isa.name(), &sum, &expected);
     }
 }
@@ -211,13 +211,13 @@ fn parts_beyond_a_field_are_refused() {
                 FieldSlice::write(&mut halves),
                 FieldSlice::uniform(&factors),
             ];
-            let run = || fragment.run_each_masked(&mut Scratch::new(), &mut fields, [(starts, 0)].into_iter());
+            let run = || fragment.run_each_masked(&mut Scratch::new(), &mut fields, &[(starts, 0)]);
             assert!(catch_unwind(AssertUnwindSafe(run)).is_err(), "{starts:?}");
         }
         let (x, sum, mut halves) = (ramp(6), ramp(2), ramp(4));
         let mut fields =
             [FieldSlice::read(&x), FieldSlice::read(&sum), FieldSlice::write(&mut halves), FieldSlice::uniform(&[1.0])];
-        let run = || fragment.run_each_masked(&mut Scratch::new(), &mut fields, std::iter::once(([0; 4], 0)));
+        let run = || fragment.run_each_masked(&mut Scratch::new(), &mut fields, &[([0; 4], 0)]);
         assert!(catch_unwind(AssertUnwindSafe(run)).is_err(), "a written field lent for reading");
     }
 }

@@ -4,6 +4,7 @@
 mod support;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 use lanesim_codegen::{FieldSlice, Fragment, InstructionSet, Program, Recorder, Recording, Scratch, Session, Windows};
 use lanesim_kernels::lane::{Lane, LaneQuery, Mask};
@@ -43,6 +44,7 @@ const MASK: u32 = 0b0110_0101;
 
 #[test]
 fn bound_calls_run_as_often_as_asked() {
+    let owner = Arc::new(());
     for isa in instruction_sets() {
         let (x, mut y, other) = (ramp(6), ramp(1), ramp(3));
         let (mut z, mut expected) = (other.clone(), y.clone());
@@ -52,7 +54,7 @@ fn bound_calls_run_as_often_as_asked() {
         let mut windows = list(&[[4, 0], [5, 1], [1, 2], [3, 1]]);
         let fields =
             [FieldSlice::read(&x[2..3]), FieldSlice::write(&mut y), FieldSlice::read(&x), FieldSlice::write(&mut z)];
-        let mut session = Session::new(&mut scratch, &fields);
+        let mut session = Session::new(&mut scratch, &owner, &fields);
         session.bind(0, &single, 0..2);
         session.bind_each(7, &each, 2..4);
         assert!(session.has(0) && session.has(7) && !session.has(3) && !session.has(8));
@@ -76,6 +78,7 @@ fn bound_calls_run_as_often_as_asked() {
 
 #[test]
 fn parts_of_a_block_without_any_of_the_lanes_are_left_out() {
+    let owner = Arc::new(());
     for isa in instruction_sets() {
         let (x, mut y, mut z) = (ramp(1), ramp(1), ramp(1));
         // Lanes 4 to 7 are a part of their own where a register holds four.
@@ -83,7 +86,7 @@ fn parts_of_a_block_without_any_of_the_lanes_are_left_out() {
         let sum = f64x8::select(f64x8::mask_of(touched), y[0] + x[0], y[0]);
         let (single, each, mut scratch) = (self::sum().compile(isa).unwrap(), sums(isa), Scratch::new());
         let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y), FieldSlice::write(&mut z)];
-        let mut session = Session::new(&mut scratch, &fields);
+        let mut session = Session::new(&mut scratch, &owner, &fields);
         session.bind(0, &single, [0, 1].into_iter());
         session.bind_each(1, &each, [0, 2].into_iter());
         let positive = f64x8::bits(sum.gt(f64x8::zero())) & touched;
@@ -96,39 +99,64 @@ fn parts_of_a_block_without_any_of_the_lanes_are_left_out() {
 
 #[test]
 fn calls_stay_bound_as_long_as_their_fields_are_the_same() {
+    let owner = Arc::new(());
     for isa in instruction_sets() {
         let (x, mut y, mut z, longer) = (ramp(1), ramp(1), ramp(1), ramp(2));
         let (single, mut scratch) = (sum().compile(isa).unwrap(), Scratch::new());
         {
             let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y), FieldSlice::write(&mut z)];
-            let mut session = Session::new(&mut scratch, &fields);
+            let mut session = Session::new(&mut scratch, &owner, &fields);
             session.bind(0, &single, [0, 1].into_iter());
             session.bind(1, &single, [0, 2].into_iter());
         }
         drop(single);
         {
             let fields = [FieldSlice::<f64>::read(&x), FieldSlice::write(&mut y), FieldSlice::read(&longer)];
-            let mut session = Session::new(&mut scratch, &fields);
+            let mut session = Session::new(&mut scratch, &owner, &fields);
             assert!(session.has(0) && !session.has(1), "but for the one whose field is another");
             assert!(session.run(0, u32::MAX, u32::MAX).is_some());
             assert_eq!(session.run(1, 0, u32::MAX), None);
         }
         assert_same(isa.name(), &y, &[x[0] + x[0]]);
         let fields = [FieldSlice::<f64>::read(&x), FieldSlice::read(&y), FieldSlice::write(&mut z)];
-        assert!(!Session::new(&mut scratch, &fields).has(0), "a field that is lent for reading only");
+        assert!(!Session::new(&mut scratch, &owner, &fields).has(0), "a field that is lent for reading only");
         let numbers = [0_f32; 16];
         let single = [FieldSlice::<f32>::uniform(&numbers), FieldSlice::unused(), FieldSlice::unused()];
-        assert!(!Session::new(&mut scratch, &single).has(0));
+        assert!(!Session::new(&mut scratch, &owner, &single).has(0));
+    }
+}
+
+/// Numbers of calls are their owner's: where other code takes over, none of the calls is bound.
+#[test]
+fn calls_of_other_code_are_dropped() {
+    for isa in instruction_sets() {
+        let single = sum().compile(isa).unwrap();
+        let (x, mut y, mut scratch) = (ramp(3), ramp(2), Scratch::new());
+        let [first, second] = [Arc::new(()), Arc::new(())];
+        let mut bound = |owner, bind: bool| {
+            let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y)];
+            let mut session = Session::new(&mut scratch, owner, &fields);
+            let has = session.has(0);
+            if bind {
+                session.bind(0, &single, 0..2);
+            }
+            has
+        };
+        assert_eq!(
+            [(&first, true), (&first, false), (&second, true), (&second, false)].map(|(o, b)| bound(o, b)),
+            [false, true, false, true]
+        );
     }
 }
 
 #[test]
 fn what_does_not_fit_is_refused() {
+    let owner = Arc::new(());
     for isa in instruction_sets() {
         let refused_fields = |x: usize, y: usize, writable: bool| {
             let (single, x, mut y) = (sum().compile(isa).unwrap(), ramp(x), ramp(y));
             let y = if writable { FieldSlice::write(&mut y) } else { FieldSlice::read(&y) };
-            let bind = || Session::new(&mut Scratch::new(), &[FieldSlice::read(&x), y]).bind(0, &single, 0..2);
+            let bind = || Session::new(&mut Scratch::new(), &owner, &[FieldSlice::read(&x), y]).bind(0, &single, 0..2);
             catch_unwind(AssertUnwindSafe(bind)).is_err()
         };
         assert!(!refused_fields(1, 1, true));
@@ -137,7 +165,8 @@ fn what_does_not_fit_is_refused() {
             let (each, x, mut y) = (sums(isa), ramp(len), ramp(4));
             let run = || {
                 let mut scratch = Scratch::new();
-                let mut session = Session::new(&mut scratch, &[FieldSlice::read(&x), FieldSlice::write(&mut y)]);
+                let mut session =
+                    Session::new(&mut scratch, &owner, &[FieldSlice::read(&x), FieldSlice::write(&mut y)]);
                 session.bind_each(0, &each, 0..2);
                 session.run_each(0, [0, u32::MAX], list(run).list(0)).unwrap();
             };
@@ -149,7 +178,7 @@ fn what_does_not_fit_is_refused() {
         let (each, field) = (sums(isa), ramp(1));
         let mismatched = || {
             let mut scratch = Scratch::new();
-            let mut session = Session::new(&mut scratch, &[FieldSlice::read(&field)]);
+            let mut session = Session::new(&mut scratch, &owner, &[FieldSlice::read(&field)]);
             session.bind(0, &each, [0, 0].into_iter());
         };
         assert!(catch_unwind(AssertUnwindSafe(mismatched)).is_err(), "code for windows, without windows");

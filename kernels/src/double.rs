@@ -9,11 +9,11 @@
 
 use ::wide::f64x8;
 
-use crate::code::Kernels;
 use crate::collision::ConvexCollider;
 use crate::constraint::{Cone, Constraint, ContactRow};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::model::{Cast, Model, Varied};
+use crate::part::Kernels;
 use crate::pipeline::{self, Run, Stage, Stages};
 use crate::solver::SolverWork;
 use crate::state::{Applied, BlockStatus, State};
@@ -136,7 +136,7 @@ impl Double {
             convex,
             stages: Stages::up_to(Stage::Solver),
             residual: true,
-            code: &mut Kernels,
+            executor: &mut Kernels,
             keep,
         };
         let mut status = BlockStatus { alive: (1 << group.len()) - 1, ..BlockStatus::default() };

@@ -66,12 +66,16 @@ macro_rules! fields {
             pub fn new($sizes: &$crate::model::Sizes) -> Self {
                 $name { $($field: <$type as $crate::fields::Field<$l>>::zeros($len),)* }
             }
+            /// Number of fields.
+            pub const COUNT: usize = [$(stringify!($field)),*].len();
+
             /// Bytes of all fields.
             pub fn bytes($sizes: &$crate::model::Sizes) -> usize {
                 0_usize$(.saturating_add(<$type as $crate::fields::Field<$l>>::bytes($len)))*
             }
             /// Calls `f` with every field, in the order of declaration.
-            pub fn for_each<'a>(&'a mut self, f: &mut dyn FnMut($crate::fields::FieldView<'a, $l>)) {
+            #[inline(always)]
+            pub fn for_each<'a>(&'a mut self, f: &mut impl FnMut($crate::fields::FieldView<'a, $l>)) {
                 $(f($crate::fields::FieldView {
                     name: stringify!($field),
                     width: <$type as $crate::fields::Field<$l>>::width(),

@@ -5,11 +5,11 @@
 
 pub mod acceleration;
 pub mod actuation;
-pub mod code;
 pub mod collision;
 pub mod constraint;
 pub mod diagnosis;
 pub mod double;
+pub mod drivers;
 pub mod energy;
 pub mod fields;
 pub mod inertia;
@@ -18,9 +18,11 @@ pub mod lane;
 pub mod math;
 pub mod model;
 pub mod options;
+pub mod part;
 pub mod passive;
 pub mod pipeline;
 pub mod position;
+pub mod smooth;
 pub mod solver;
 pub mod stage;
 pub mod state;

@@ -2,17 +2,17 @@
 
 use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
-use crate::collision::Collision;
+use crate::collision::{Collision, groups};
 use crate::constraint::Constraint;
 use crate::double::Double;
 use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::Integration;
-use crate::lane::LaneQuery;
+use crate::lane::{Lane, LaneQuery};
 use crate::model::Model;
 use crate::passive::Passive;
-use crate::pipeline::Smooth;
 use crate::position::Position;
+use crate::smooth::Smooth;
 use crate::solver::SolverWork;
 use crate::stage::Stage;
 use crate::velocity::Velocity;
@@ -49,6 +49,15 @@ impl<L: LaneQuery> Workspace<L> {
     /// A workspace for the model: everything that a step needs, allocated once. Stages that the model does not have get
     /// no room.
     pub fn new(model: &Model<L::Real>) -> Self {
+        let mut ws = Self::without_groups(model);
+        ws.collision.groups = groups(model);
+        ws
+    }
+}
+
+impl<L: Lane> Workspace<L> {
+    /// The same without groups of pairs.
+    pub fn without_groups(model: &Model<L::Real>) -> Self {
         let sizes = &model.sizes;
         let of = |stage: Stage| stage.sizes(model);
         Workspace {

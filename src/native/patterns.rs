@@ -6,13 +6,12 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use lanesim_codegen::{Float, Fragment};
-use lanesim_kernels::code::SolverPart;
+use lanesim_codegen::Float;
 use lanesim_kernels::model::{Model, Pattern};
+use lanesim_kernels::part::{Op, Part};
 use lanesim_kernels::solver::Fill;
 
-use super::solver::{operations_of, record_on};
-use super::{ModelCode, Part};
+use super::library::{Coded, ModelCode};
 
 /// Most patterns with code, but for the fullest.
 pub const MOST: usize = 12;
@@ -41,8 +40,8 @@ struct Filled<T> {
     /// The pairs of links that it has room for. It has room for any of them together, since nothing more can fill in.
     room: Joined,
     operations: usize,
-    descend: Part<T>,
-    polish: Part<T>,
+    /// The factor, and its last use.
+    code: [OnceLock<Option<Coded<T>>>; 2],
 }
 
 impl<T: Float> Patterns<T> {
@@ -93,7 +92,7 @@ impl<T: Float> Patterns<T> {
             _ if free == MOST => None,
             _ => {
                 let (pattern, room) = (fill.pattern.clone(), self.room(model, &fill.pattern));
-                let filled = Filled { pattern, room, operations, descend: Part::new(), polish: Part::new() };
+                let filled = Filled { pattern, room, operations, code: Default::default() };
                 self.slots[free].set(filled).ok().map(|()| free)
             }
         }
@@ -112,15 +111,22 @@ impl<T: Float> Patterns<T> {
     }
 
     /// The code of a part on the pattern of a place.
-    pub fn get<'a>(&'a self, code: &ModelCode<T>, place: usize, part: SolverPart) -> Option<&'a Fragment<T>> {
+    pub fn get<'a>(&'a self, code: &ModelCode<T>, place: usize, part: Part) -> Option<&'a Coded<T>> {
         let filled = self.slots.get(place)?.get()?;
-        let (name, place) = match part {
-            SolverPart::Polish { .. } => ("polish filled", &filled.polish),
-            _ => ("descend filled", &filled.descend),
-        };
-        let record = |tables: &Model<T>| record_on(tables, code.structure(), part, &filled.pattern);
-        code.get(name, place, |_| filled.operations, record)
+        let coded = &filled.code[usize::from(part.op == Op::Polish)];
+        coded.get_or_init(|| code.on_pattern(part, &filled.pattern)).as_ref()
     }
+
+    /// Whether the factor on the pattern of a place has code.
+    pub fn is_coded(&self, code: &ModelCode<T>, place: usize) -> bool {
+        [Op::Descend, Op::Polish].into_iter().all(|op| self.get(code, place, Part::of(op, 1)).is_some())
+    }
+}
+
+/// Multiplications in a factorisation on a pattern.
+fn operations_of(pattern: &Pattern) -> usize {
+    let entries = |i: usize| pattern.row(i).iter().map(|run| run.len as usize).sum::<usize>();
+    (0..pattern.rows.len()).map(entries).map(|n| n * (n + 3) / 2).sum()
 }
 
 /// A worker's memory of where patterns are.

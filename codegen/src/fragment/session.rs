@@ -1,5 +1,6 @@
 //! Calls of code on fields that stay where they are, made ready once.
 
+use std::any::Any;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -22,6 +23,8 @@ pub struct Session<'a, T> {
 /// What sessions leave for the next one.
 #[derive(Default)]
 pub(super) struct Kept {
+    /// Whose code is bound.
+    owner: Option<Arc<dyn Any + Send + Sync>>,
     /// That of the code that is bound.
     precision: Option<Precision>,
     /// Addresses and tags of the fields that are lent, or were lent last.
@@ -53,7 +56,7 @@ struct Bound {
 const MASKS: usize = 2;
 /// Most fields of a session, and most columns of its windows.
 const MOST_FIELDS: usize = u64::BITS as usize;
-const MOST_COLUMNS: usize = 8;
+const MOST_COLUMNS: usize = 16;
 
 impl Bound {
     /// Nothing.
@@ -73,16 +76,23 @@ impl Bound {
 }
 
 impl<'a, T: Float> Session<'a, T> {
-    /// Lends fields, up to 64, and keeps the calls that were bound to the same ones.
+    /// Lends fields, up to 64, and keeps the calls that were bound to the same ones for the same owner of code, so that numbers
+    /// of calls are that owner's own.
     ///
     /// # Panics
     ///
     /// If there are more fields.
-    pub fn new(scratch: &'a mut Scratch, fields: &[FieldSlice<'a, T>]) -> Self {
+    pub fn new<O: Any + Send + Sync>(scratch: &'a mut Scratch, owner: &Arc<O>, fields: &[FieldSlice<'a, T>]) -> Self {
         assert!(fields.len() <= MOST_FIELDS, "{} fields", fields.len());
         let kept = &mut scratch.kept;
+        if !kept.owner.as_ref().is_some_and(|known| std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(owner))) {
+            kept.owner = Some(owner.clone());
+            kept.calls.clear();
+        }
         if kept.precision != Some(T::PRECISION) || kept.fields.len() != fields.len() {
-            *kept = Kept { precision: Some(T::PRECISION), fields: vec![(0, 0); fields.len()], calls: vec![] };
+            kept.precision = Some(T::PRECISION);
+            kept.fields = vec![(0, 0); fields.len()];
+            kept.calls.clear();
         }
         let mut changed = 0;
         for (i, (known, field)) in kept.fields.iter_mut().zip(fields).enumerate() {
@@ -118,7 +128,7 @@ impl<'a, T: Float> Session<'a, T> {
     ///
     /// # Panics
     ///
-    /// As [`Fragment::run_each`], but for masks, with a list of one item that starts at 0 everywhere; if there are more than 8
+    /// As [`Fragment::run_each`], but for masks, with a list of one item that starts at 0 everywhere; if there are more than 16
     /// columns.
     pub fn bind_each(&mut self, call: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
         let columns = fragment.columns.as_ref().expect("code for windows");

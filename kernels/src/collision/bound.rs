@@ -111,12 +111,12 @@ fn segments<L: Lane>(between: &Vec3<L>, (axis1, half1): (&Vec3<L>, L), (axis2, h
 }
 
 /// The model's pairs, those first that are nearest in the reference configuration.
-pub fn nearest_first<T: Scalar>(model: &Model<T>) -> Vec<u32> {
+pub(super) fn nearest_first<T: Scalar>(model: &Model<T>) -> Vec<u32> {
     let mut position = Position::<T>::new(&model.sizes);
     kinematics(model.into(), &model.qpos0, &mut position);
     let gap = |pair: &Pair<T>| {
         let test = Test::new(model, pair);
-        let [first, second] = test.geoms.map(|g| body(model, &position, g as usize));
+        let [first, second] = test.geoms.map(|g| body(model.into(), &position, g as usize));
         let [first, second] = test.frames.place(&position, [first, second]);
         test.near(&first.rod(), &second.rod()).1.to_f64()
     };
@@ -126,23 +126,23 @@ pub fn nearest_first<T: Scalar>(model: &Model<T>) -> Vec<u32> {
     order
 }
 
-/// The bounding tests of some pairs, from the poses of links: where each is near, and lower bounds of the distances by which
+/// The bounding tests of some pairs, from the poses of links: tells where each is near, and lower bounds of the distances by which
 /// the pairs within a tree, and others, are not. All distances are finite: the compiler and the check of states answer for that.
 pub fn near_pairs<L: Lane>(
     model: &Model<L::Real>,
     position: &Position<L>,
     pairs: &[u32],
-    near: &mut Vec<L::Mask>,
-) -> [L; 2] {
-    let mut gaps = [L::of(L::Real::MAX); 2];
+    near: &mut dyn FnMut(L::Mask),
+    gaps: &mut [L],
+) {
+    gaps.fill(L::of(L::Real::MAX));
     for p in pairs {
         let test = Test::new(model, &model.pairs[*p as usize]);
-        let bodies = test.geoms.map(|g| body(model, position, g as usize));
+        let bodies = test.geoms.map(|g| body(model.into(), position, g as usize));
         let [first, second] = test.frames.place(position, bodies);
         let (mask, gap) = test.near(&first.rod(), &second.rod());
-        near.push(mask);
+        near(mask);
         let frame = test.frame();
         gaps[frame] = gap.min(gaps[frame]);
     }
-    gaps
 }

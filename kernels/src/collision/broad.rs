@@ -10,14 +10,13 @@
 //! each other in the reference configuration in the first and smallest group, so that few groups are due where nothing
 //! touches.
 
-use crate::code::Code;
-use crate::lane::{LaneQuery, Mask, Real};
-use crate::model::Model;
+use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::model::{Instance, Model};
 use crate::position::Position;
 
 use super::Colliders;
 use super::bound::Test;
-use super::pair::{Body, body};
+use super::pair::body;
 
 /// Part of a gap that ways may use up before the pair is tested again: within a tree, and in the world, where two geoms can
 /// approach from both sides. The rest is for rounding of lengths; that of places is the blur of
@@ -48,7 +47,12 @@ pub struct Broad<L> {
     pub near: Vec<u32>,
 }
 
-impl<L: LaneQuery> Broad<L> {
+impl<L: Lane> Broad<L> {
+    /// Bytes of that.
+    pub fn bytes(model: &Model<L::Real>) -> usize {
+        model.pairs.len() * (size_of::<Test>() + size_of::<f64>() + size_of::<u32>()) + model.geoms.len()
+    }
+
     /// The tests of the model's pairs, all due.
     pub fn new(model: &Model<L::Real>) -> Self {
         Broad {
@@ -58,63 +62,71 @@ impl<L: LaneQuery> Broad<L> {
             near: vec![0; model.pairs.len()],
         }
     }
+}
 
-    /// Bytes of that.
-    pub fn bytes(model: &Model<L::Real>) -> usize {
-        model.pairs.len() * (size_of::<Test>() + size_of::<f64>() + size_of::<u32>()) + model.geoms.len()
-    }
-
-    /// Finds where pairs are near, in the worlds of `alive`. Whether any may be. A pair that is near is due at once, so that none
-    /// is where no test is due.
+impl<L: LaneQuery> Broad<L> {
+    /// Finds where pairs are near, in the worlds of `alive`, pair by pair. Whether any is. A pair that is near is due at once, so
+    /// that none is where no test is due.
     pub fn test(
         &mut self,
-        model: &Model<L::Real>,
+        model: Instance<'_, L>,
         (qpos, position): (&[L], &Position<L>),
         alive: L::Mask,
-        code: &mut dyn Code<L>,
         colliders: &mut Colliders<L>,
     ) -> bool {
-        let groups = code.groups();
-        self.schedule.begin(if groups > 0 { 2 * groups } else { self.tests.len() }, colliders);
+        self.schedule.begin(self.tests.len(), colliders);
         colliders.set_out(qpos, position);
-        let any = if groups > 0 {
-            self.test_groups(groups, position, alive, code, colliders)
-        } else {
-            self.test_pairs(model, position, alive, colliders)
-        };
-        colliders.due.copy_from_slice(&self.schedule.next);
+        let any = self.test_pairs(model, position, alive, colliders);
+        self.end(colliders);
         any
     }
 
-    fn test_groups(
+    /// Begins tests of so many groups.
+    pub fn begin(&mut self, groups: usize, (qpos, position): (&[L], &Position<L>), colliders: &mut Colliders<L>) {
+        self.schedule.begin(2 * groups, colliders);
+        colliders.set_out(qpos, position);
+    }
+
+    /// Whether a group is due in some world of `alive`.
+    #[inline(always)]
+    pub fn is_due(&self, group: usize, alive: L::Mask, colliders: &Colliders<L>) -> bool {
+        [0, 1].into_iter().any(|frame| self.schedule.is_due(2 * group + frame, frame, alive, colliders))
+    }
+
+    /// Notes where the pairs of a group that was tested are near, in the worlds of `alive`, and when it is due again. Whether
+    /// any is near.
+    pub fn note(
         &mut self,
-        groups: usize,
-        position: &Position<L>,
-        alive: L::Mask,
-        code: &mut dyn Code<L>,
+        group: usize,
+        (pairs, worlds): (&[u32], &[u32]),
+        alive: u32,
         colliders: &Colliders<L>,
     ) -> bool {
-        let Broad { schedule, near, .. } = self;
-        let mut any = false;
-        for group in 0..groups {
-            let tests = [2 * group, 2 * group + 1];
-            if [0, 1].into_iter().any(|frame| schedule.is_due(tests[frame], frame, alive, colliders)) {
-                let mut gaps = [L::zero(); 2];
-                any |= code.near(group, position, L::bits(alive), near, &mut gaps);
-                for frame in [0, 1] {
-                    schedule.postpone(tests[frame], frame, gaps[frame], colliders);
-                }
-            }
-            for frame in [0, 1] {
-                schedule.foresee(tests[frame], frame);
-            }
+        let mut any = 0;
+        for (p, worlds) in pairs.iter().zip(worlds) {
+            self.near[*p as usize] = worlds & alive;
+            any |= worlds;
         }
-        any
+        for frame in [0, 1] {
+            self.schedule.postpone(2 * group + frame, frame, colliders.gaps[frame], colliders);
+        }
+        any & alive != 0
+    }
+
+    /// After all groups, or all pairs: keeps when the next of them is due.
+    pub fn end(&mut self, colliders: &mut Colliders<L>) {
+        colliders.due.copy_from_slice(&self.schedule.next);
+    }
+
+    /// Looks whether a group is the next that is due.
+    #[inline(always)]
+    pub fn foresee(&mut self, group: usize) {
+        [0, 1].into_iter().for_each(|frame| self.schedule.foresee(2 * group + frame, frame));
     }
 
     fn test_pairs(
         &mut self,
-        model: &Model<L::Real>,
+        model: Instance<'_, L>,
         position: &Position<L>,
         alive: L::Mask,
         colliders: &mut Colliders<L>,
@@ -139,7 +151,7 @@ impl<L: LaneQuery> Broad<L> {
     #[inline(always)]
     fn test_pair(
         &mut self,
-        model: &Model<L::Real>,
+        model: Instance<'_, L>,
         p: usize,
         position: &Position<L>,
         colliders: &mut Colliders<L>,
@@ -155,13 +167,6 @@ impl<L: LaneQuery> Broad<L> {
             [test.frames.shift(k, &colliders.pos[g], position), colliders.axis[g]]
         });
         test.near(&first, &second)
-    }
-
-    /// A pair's geoms, where they are relative to its reference point.
-    #[inline(always)]
-    pub fn bodies(&self, model: &Model<L::Real>, p: usize, position: &Position<L>) -> [Body<L>; 2] {
-        let test = &self.tests[p];
-        test.frames.place(position, test.geoms.map(|g| body(model, position, g as usize)))
     }
 }
 

@@ -8,6 +8,7 @@ mod boxes;
 mod broad;
 mod capsule;
 mod capsule_box;
+mod classes;
 mod convex;
 mod frame;
 mod pair;
@@ -16,21 +17,21 @@ mod single;
 mod sphere;
 mod way;
 
-pub use bound::{near_pairs, nearest_first};
+pub use bound::near_pairs;
+pub use classes::{Class, classes, groups};
 pub use convex::ConvexCollider;
 pub use frame::contact_frame;
-pub use pair::{Body, Found, Frames, capsules, in_lanes, points};
+pub use pair::{Body, Found, Frames, in_lanes, narrow, narrow_parallel};
 pub use single::{Point, Points};
 pub use way::{blur, levers, way};
 
 use broad::Broad;
-use pair::Candidate;
+use pair::{Candidate, body};
 
-use crate::code::Code;
 use crate::fields::fields;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::vec3::{Mat3, Vec3, zero};
-use crate::model::{Model, NONE, Pair, Shape};
+use crate::model::{Instance, Model, NONE, Pair, Shape};
 use crate::position::Position;
 
 fields! {
@@ -55,6 +56,8 @@ fields! {
         pub travel: Vec<L> = 2,
         /// Travel from which on groups of pairs are to be tested: of pairs within a tree, and of others.
         pub due: Vec<L> = 2,
+        /// Lower bounds of the distances by which the pairs of a group that was tested are not near: within a tree, and others.
+        pub gaps: Vec<L> = 2,
     } L
 }
 
@@ -105,6 +108,8 @@ pub struct Near {
     pub first: u32,
     /// Number of contacts that it can have.
     pub points: u32,
+    /// Number of its class; [`NONE`]: it is treated world by world.
+    pub class: u32,
 }
 
 /// What the list of near pairs has to know of a pair.
@@ -112,8 +117,8 @@ pub struct Near {
 struct Extent {
     /// Number of contacts that it can have.
     points: u32,
-    /// Whether it is treated world by world, for want of a formula in lanes.
-    single: bool,
+    /// Number of its class; [`NONE`]: it is treated world by world, for want of a formula in lanes.
+    class: u32,
 }
 
 /// Contacts of a block.
@@ -125,26 +130,38 @@ pub struct Collision<L> {
     pub broad: Broad<L>,
     /// By pair.
     extents: Vec<Extent>,
+    /// Classes of pairs that are treated alike.
+    pub classes: Vec<Class>,
+    /// Groups of pairs whose bounding tests may be run together.
+    pub groups: Vec<Vec<u32>>,
+    /// Where the pairs of a group are near.
+    pub words: Vec<u32>,
     /// Pairs that are near.
-    near: Vec<Near>,
-    /// What the narrow phase found of them.
-    found: Vec<Found<L>>,
+    pub near: Vec<Near>,
+    /// What the narrow phase found: the listed contacts, each at its place, and others.
+    pub found: Vec<Found<L>>,
+    /// At the first place of two capsules, 1 where they are parallel.
+    pub parallel: Vec<L>,
     /// The contacts that exist in some world, in the order of pairs and points.
     pub slots: Vec<Slot>,
 }
 
-impl<L: LaneQuery> Collision<L> {
+impl<L: Lane> Collision<L> {
     /// Room for the contacts that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let most = model.capacity().contacts;
-        let single = |pair| !in_lanes(shapes(model, pair));
-        let extent = |(p, pair): (u32, &Pair<_>)| Extent { points: pair.slots.len, single: single(p) };
+        let (classes, of_pairs) = classes(model);
+        let extent = |(pair, class): (&Pair<_>, u32)| Extent { points: pair.slots.len, class };
         Collision {
             colliders: Colliders::new(&model.sizes),
-            extents: (0..).zip(&model.pairs).map(extent).collect(),
+            extents: model.pairs.iter().zip(of_pairs).map(extent).collect(),
+            classes,
+            groups: Vec::new(),
+            words: vec![0; model.pairs.len()],
             broad: Broad::new(model),
             near: Vec::with_capacity(model.pairs.len().min(most)),
             found: Vec::with_capacity(most),
+            parallel: Vec::with_capacity(most),
             slots: Vec::with_capacity(most),
         }
     }
@@ -154,12 +171,6 @@ impl<L: LaneQuery> Collision<L> {
         let (most, pairs) = (model.capacity().contacts, model.pairs.len());
         let lists = most * (size_of::<Found<L>>() + size_of::<Slot>()) + pairs.min(most) * size_of::<Near>();
         Colliders::<L>::bytes(&model.sizes) + lists + pairs * size_of::<Extent>() + Broad::<L>::bytes(model)
-    }
-
-    /// What the narrow phase found: the listed contacts, each at its place, and others.
-    #[inline(always)]
-    pub fn found(&self) -> &[Found<L>] {
-        &self.found
     }
 
     /// Listed contact by number.
@@ -185,131 +196,98 @@ pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32
     if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
-/// Finds the contacts of the worlds in `alive`, in some of which bounding tests are due by their [`way`]. Returns the lanes in
-/// which some world had more than `capacity` contacts; those beyond it, in the order of pairs, are left out.
-pub fn collide<L: LaneQuery>(
-    model: &Model<L::Real>,
-    (qpos, position): (&[L], &Position<L>),
-    alive: L::Mask,
-    capacity: usize,
-    convex: &dyn ConvexCollider,
-    code: &mut dyn Code<L>,
-    collision: &mut Collision<L>,
-) -> L::Mask {
-    collision.slots.clear();
-    if !collision.broad.test(model, (qpos, position), alive, code, &mut collision.colliders) {
-        return L::Mask::splat(false);
+impl<L: LaneQuery> Collision<L> {
+    /// Lists the pairs that are near in some world of `alive`, each with room for its contacts. Returns whether some are treated
+    /// world by world.
+    pub fn list_near(&mut self, alive: u32) -> bool {
+        let Collision { broad, extents, near, found, parallel, .. } = self;
+        near.clear();
+        let (mut first, mut any_single) = (0, false);
+        for (c, chunk) in broad.near.chunks(16).enumerate() {
+            if chunk.iter().fold(0, |any, worlds| any | worlds) & alive == 0 {
+                continue;
+            }
+            for (i, worlds) in chunk.iter().enumerate().filter(|(_, worlds)| **worlds & alive != 0) {
+                let pair = (16 * c + i) as u32;
+                let Extent { points, class } = extents[pair as usize];
+                near.push(Near { pair, worlds: *worlds & alive, first, points, class });
+                first += points;
+                any_single |= class == NONE;
+            }
+        }
+        if found.len() < first as usize {
+            found.resize(first as usize, [L::zero(); 13]);
+            parallel.resize(first as usize, L::zero());
+        }
+        any_single
     }
-    let Collision { broad, extents, near, found, .. } = collision;
-    let single = list_near(extents, &broad.near, L::bits(alive), near);
-    let points = near.last().map_or(0, |last| (last.first + last.points) as usize);
-    if found.len() < points {
-        found.resize(points, [L::zero(); 13]);
-    }
-    if !code.narrow(position, near, found) {
-        for near in near.iter().filter(|near| !extents[near.pair as usize].single) {
-            let bodies = broad.bodies(model, near.pair as usize, position);
-            formula(model, near, &bodies, points_found(near, found));
+
+    /// Contacts of a pair that is treated world by world.
+    pub fn world_by_world(
+        &mut self,
+        model: Instance<'_, L>,
+        near: &Near,
+        position: &Position<L>,
+        convex: &dyn ConvexCollider,
+    ) {
+        let pair = &model.pairs[near.pair as usize];
+        let bodies = [pair.geom1, pair.geom2].map(|g| body(model, position, g as usize));
+        let [a, b] = &Frames::new(&model, pair).place(position, bodies);
+        let found = points_found(near, &mut self.found);
+        let include = model.pairs[near.pair as usize].include;
+        let most = found.len();
+        found.iter_mut().for_each(|found| found[0] = L::of(L::Real::MAXVAL));
+        let emit = &mut |point: u32, candidate: Candidate<L>, mask| {
+            candidate.put(mask, L::splat(include), &mut found[point as usize]);
+        };
+        let worlds = L::mask_of(near.worlds);
+        match shapes(&model, near.pair) {
+            (Shape::Capsule, Shape::Box) => {
+                single::each(a, b, worlds, |a, b, points| capsule_box::capsule_box(a, b, include, points), emit);
+            }
+            (Shape::Box, Shape::Box) => {
+                single::each(a, b, worlds, |a, b, points| boxes::boxes(a, b, include, points), emit)
+            }
+            shapes => {
+                let collide =
+                    |a: &_, b: &_, points: &mut _| single::convex(convex, shapes, (a, b), include, most, points);
+                single::each(a, b, worlds, collide, emit);
+            }
         }
     }
-    if single {
-        for near in near.iter().filter(|near| extents[near.pair as usize].single) {
-            let bodies = broad.bodies(model, near.pair as usize, position);
-            world_by_world(model, near, &bodies, convex, points_found(near, found));
+
+    /// Lists the contacts that exist in some world. Returns the lanes in which there were more than `capacity`.
+    pub fn list_contacts(&mut self, model: &Model<L::Real>, capacity: usize) -> L::Mask {
+        let Collision { near, found, slots, .. } = self;
+        let may_overflow = model.sizes.nslot > capacity;
+        let mut count = L::zero();
+        let mut overflow = L::Mask::splat(false);
+        for near in near {
+            for (point, found) in (0..).zip(points_found(near, found)) {
+                let mut exists = found[0].lt(L::of(L::Real::MAXVAL));
+                if may_overflow {
+                    count += L::select(exists, L::one(), L::zero());
+                    let beyond = exists & count.gt(L::of(capacity as f64));
+                    overflow = overflow | beyond;
+                    exists = exists & !beyond;
+                    found[0] = L::select(beyond, L::of(L::Real::MAXVAL), found[0]);
+                }
+                if L::any(exists) {
+                    slots.push(Slot { pair: near.pair, point, place: near.first + point });
+                }
+            }
         }
+        overflow
     }
-    list_contacts(model, capacity, collision)
 }
 
-/// Lists the pairs that are near in some world of `alive`, each with room for its contacts. Returns whether some are treated
-/// world by world.
-fn list_near(extents: &[Extent], worlds: &[u32], alive: u32, near: &mut Vec<Near>) -> bool {
-    near.clear();
-    let (mut first, mut any_single) = (0, false);
-    for (c, chunk) in worlds.chunks(16).enumerate() {
-        if chunk.iter().fold(0, |any, worlds| any | worlds) & alive == 0 {
-            continue;
-        }
-        for (i, worlds) in chunk.iter().enumerate().filter(|(_, worlds)| **worlds & alive != 0) {
-            let pair = (16 * c + i) as u32;
-            let Extent { points, single } = extents[pair as usize];
-            near.push(Near { pair, worlds: *worlds & alive, first, points });
-            first += points;
-            any_single |= single;
-        }
-    }
-    any_single
+/// The shapes of a pair.
+pub fn shapes<T>(model: &Model<T>, pair: u32) -> (Shape, Shape) {
+    let pair = &model.pairs[pair as usize];
+    (model.geoms[pair.geom1 as usize].shape, model.geoms[pair.geom2 as usize].shape)
 }
 
 /// The places of its contacts.
 fn points_found<'a, L>(near: &Near, found: &'a mut [Found<L>]) -> &'a mut [Found<L>] {
     &mut found[near.first as usize..][..near.points as usize]
-}
-
-/// The shapes of a pair.
-fn shapes<T>(model: &Model<T>, pair: u32) -> (Shape, Shape) {
-    let pair = &model.pairs[pair as usize];
-    (model.geoms[pair.geom1 as usize].shape, model.geoms[pair.geom2 as usize].shape)
-}
-
-/// Contacts of a pair with a formula in lanes.
-fn formula<L: LaneQuery>(model: &Model<L::Real>, near: &Near, [a, b]: &[Body<L>; 2], found: &mut [Found<L>]) {
-    let (include, worlds) = (L::splat(model.pairs[near.pair as usize].include), L::mask_of(near.worlds));
-    let parallel = points(shapes(model, near.pair), a, b, include, worlds, found);
-    if L::any(parallel) {
-        capsules(a, b, include, worlds, found);
-    }
-}
-
-/// Contacts of a pair that is treated world by world.
-fn world_by_world<L: LaneQuery>(
-    model: &Model<L::Real>,
-    near: &Near,
-    [a, b]: &[Body<L>; 2],
-    convex: &dyn ConvexCollider,
-    found: &mut [Found<L>],
-) {
-    let include = model.pairs[near.pair as usize].include;
-    let most = found.len();
-    found.iter_mut().for_each(|found| found[0] = L::of(L::Real::MAXVAL));
-    let emit = &mut |point: u32, candidate: Candidate<L>, mask| {
-        candidate.put(mask, L::splat(include), &mut found[point as usize]);
-    };
-    let worlds = L::mask_of(near.worlds);
-    match shapes(model, near.pair) {
-        (Shape::Capsule, Shape::Box) => {
-            single::each(a, b, worlds, |a, b, points| capsule_box::capsule_box(a, b, include, points), emit);
-        }
-        (Shape::Box, Shape::Box) => {
-            single::each(a, b, worlds, |a, b, points| boxes::boxes(a, b, include, points), emit)
-        }
-        shapes => {
-            let collide = |a: &_, b: &_, points: &mut _| single::convex(convex, shapes, (a, b), include, most, points);
-            single::each(a, b, worlds, collide, emit);
-        }
-    }
-}
-
-/// Lists the contacts that exist in some world. Returns the lanes in which there were more than `capacity`.
-fn list_contacts<L: LaneQuery>(model: &Model<L::Real>, capacity: usize, collision: &mut Collision<L>) -> L::Mask {
-    let Collision { near, found, slots, .. } = collision;
-    let may_overflow = model.sizes.nslot > capacity;
-    let mut count = L::zero();
-    let mut overflow = L::Mask::splat(false);
-    for near in near {
-        for (point, found) in (0..).zip(points_found(near, found)) {
-            let mut exists = found[0].lt(L::of(L::Real::MAXVAL));
-            if may_overflow {
-                count += L::select(exists, L::one(), L::zero());
-                let beyond = exists & count.gt(L::of(capacity as f64));
-                overflow = overflow | beyond;
-                exists = exists & !beyond;
-                found[0] = L::select(beyond, L::of(L::Real::MAXVAL), found[0]);
-            }
-            if L::any(exists) {
-                slots.push(Slot { pair: near.pair, point, place: near.first + point });
-            }
-        }
-    }
-    overflow
 }

@@ -2,11 +2,11 @@
 
 use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::{Mat3, Vec3, add, column, mul_add, mul_mat, splat, sub, zero};
-use crate::model::{Model, NONE, Pair, Shape};
+use crate::model::{Instance, Model, NONE, Pair, Shape};
 use crate::position::Position;
 
 use super::bound::Rod;
-use super::{capsule, contact_frame, plane, reference, sphere};
+use super::{capsule, contact_frame, plane, reference, shapes, sphere};
 
 /// A contact as numbers: distance, `MAXVAL` in worlds without it; position; frame. An array, which generated code can write.
 pub type Found<L> = [L; 13];
@@ -42,15 +42,16 @@ impl<L: Lane> Body<L> {
 
 /// A geom at the pose of its link, or in the world.
 #[inline(always)]
-pub fn body<L: Lane>(model: &Model<L::Real>, position: &Position<L>, g: usize) -> Body<L> {
-    let geom = &model.geoms[g];
-    let own = Body { pos: splat(&geom.pos), rot: splat(&geom.rot), size: splat(&geom.size) };
+pub fn body<L: Lane>(model: Instance<'_, L>, position: &Position<L>, g: usize) -> Body<L> {
+    let (geom, inputs) = (&model.geoms[g], model.geom(g));
+    let [x, y, z, rot @ .., a, b, c] = inputs.unwrap_or_else(|| splat(&geom.numbers()));
+    let own = Body { pos: [x, y, z], rot, size: [a, b, c] };
     if geom.link == NONE {
         return own;
     }
     let (pos, rot) = (&position.pos[geom.link as usize], &position.rot[geom.link as usize]);
     let body = own.carried(pos, rot);
-    if geom.aligned { Body { rot: *rot, ..body } } else { body }
+    if geom.aligned && inputs.is_none() { Body { rot: *rot, ..body } } else { body }
 }
 
 /// The trees of a pair's geoms.
@@ -114,10 +115,43 @@ pub fn in_lanes(shapes: (Shape, Shape)) -> bool {
     matches!(shapes, (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) | (Capsule, Capsule))
 }
 
+/// The bodies of a pair relative to its reference point, and the distance within which contacts are listed.
+#[inline(always)]
+fn placed<L: Lane>(model: Instance<'_, L>, pair: u32, position: &Position<L>) -> ([Body<L>; 2], L) {
+    let Pair { geom1, geom2, .. } = model.pairs[pair as usize];
+    let bodies = [geom1, geom2].map(|g| body(model, position, g as usize));
+    let frames = Frames::new(&model, &model.pairs[pair as usize]);
+    (frames.place(position, bodies), model.include(pair as usize))
+}
+
+/// [`points`] of a pair.
+pub fn narrow<L: Lane>(
+    model: Instance<'_, L>,
+    pair: u32,
+    near: L::Mask,
+    position: &Position<L>,
+    found: &mut [Found<L>],
+) -> L::Mask {
+    let ([a, b], include) = placed(model, pair, position);
+    points(shapes(&model, pair), &a, &b, include, near, found)
+}
+
+/// [`capsules`] of a pair.
+pub fn narrow_parallel<L: Lane>(
+    model: Instance<'_, L>,
+    pair: u32,
+    near: L::Mask,
+    position: &Position<L>,
+    found: &mut [Found<L>],
+) {
+    let ([a, b], include) = placed(model, pair, position);
+    capsules(&a, &b, include, near, found);
+}
+
 /// The contacts of a pair with a formula in lanes, in the worlds of `near`. Of two capsules, those that are not parallel;
 /// returns where they are.
 #[inline(always)]
-pub fn points<L: Lane>(
+fn points<L: Lane>(
     shapes: (Shape, Shape),
     a: &Body<L>,
     b: &Body<L>,
@@ -156,7 +190,7 @@ pub fn points<L: Lane>(
 
 /// The contacts of two capsules wherever they are, parallel ones too.
 #[inline(always)]
-pub fn capsules<L: Lane>(a: &Body<L>, b: &Body<L>, include: L, near: L::Mask, found: &mut [Found<L>]) {
+fn capsules<L: Lane>(a: &Body<L>, b: &Body<L>, include: L, near: L::Mask, found: &mut [Found<L>]) {
     let (crossing, parallel) = capsule::crossing(a, b);
     for (i, candidate) in capsule::parallel(a, b).iter().enumerate() {
         let mask = if i == 0 { near } else { near & parallel };

@@ -138,7 +138,7 @@ pub fn way<L: Lane>(
 
 impl<L: Lane> Colliders<L> {
     /// Measures ways from these positions on.
-    pub(super) fn set_out(&mut self, qpos: &[L], position: &Position<L>) {
+    pub fn set_out(&mut self, qpos: &[L], position: &Position<L>) {
         self.qpos.copy_from_slice(qpos);
         self.origin.copy_from_slice(&position.origin);
     }

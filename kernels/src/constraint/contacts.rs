@@ -1,9 +1,11 @@
 //! Rows of contacts.
 
+use std::collections::HashMap;
+use std::hash::Hash;
+
 use super::{Cone, Constraint, ContactRow, Kind, Strength, dof_rows};
-use crate::code::Code;
-use crate::collision::{Collision, Contact, origin, reference};
-use crate::lane::{Lane, LaneQuery};
+use crate::collision::{Contact, origin, reference};
+use crate::lane::Lane;
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
 use crate::model::{Impedance, Instance, Model, NONE, Pair, PairDof, Sides};
@@ -30,69 +32,8 @@ impl<L> Clone for Motion<'_, L> {
 
 impl<L> Copy for Motion<'_, L> {}
 
-/// Lists the contacts that act in some world, closer than their margin, with their numbers.
-pub fn contact_rows<L: LaneQuery>(
-    model: Instance<'_, L>,
-    motion: Motion<'_, L>,
-    collision: &Collision<L>,
-    code: &mut dyn Code<L>,
-    constraint: &mut Constraint<L>,
-) {
-    list(&model, collision, constraint);
-    let still = code.still_sides(motion, collision, model.varied, constraint);
-    if still && !constraint.coupled {
-        return;
-    }
-    for i in 0..constraint.contact_rows.len() {
-        let row = constraint.contact_rows[i];
-        let coded = match row.sides {
-            Sides::One => still,
-            Sides::Two => code.both_sides(motion, (collision, &row), model.varied, constraint),
-            Sides::Apart => false,
-        };
-        if !coded {
-            measure(model, motion, collision.contact(row.contact as usize), &row, constraint);
-        }
-    }
-}
-
-/// Lists the contacts that act in some world, and makes room for their numbers.
-fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
-    constraint.contact_rows.clear();
-    (constraint.cross, constraint.coupled) = (false, false);
-    constraint.contact_lanes = 0;
-    let (mut component, mut jacobian) = (0, 0);
-    for (contact, slot) in (0..).zip(&collision.slots) {
-        let pair = &model.pairs[slot.pair as usize];
-        if pair.rigid() {
-            continue;
-        }
-        let lanes = L::bits(Contact(&collision.found()[slot.place as usize]).dist().lt(L::splat(pair.margin)));
-        if lanes == 0 {
-            continue;
-        }
-        let common = constraint.rows_of_pairs[slot.pair as usize];
-        constraint.contact_lanes |= lanes;
-        if common.sides != Sides::One {
-            constraint.coupled = true;
-            constraint.cross |= pair.cross;
-        }
-        let strength = constraint.contact_rows.len() as u32;
-        let row = ContactRow { contact, component, lanes, jacobian, strength, ..common };
-        component += row.dim;
-        jacobian += row.dim * pair.dofs.len;
-        constraint.contact_rows.push(row);
-    }
-    let zero = L::zero();
-    constraint.components = component as usize;
-    grow(&mut constraint.strengths, constraint.contact_rows.len(), [zero; 7]);
-    grow(&mut constraint.reference, component as usize, zero);
-    grow(&mut constraint.motion, component as usize, [zero; 6]);
-    grow(&mut constraint.jacobian, jacobian as usize, zero);
-}
-
 /// What the contacts of a pair have in common.
-pub(super) fn row_of<T>(model: &Model<T>, kinds: &[Kind], number: u32, pair: &Pair<T>) -> ContactRow {
+fn row_of<T>(model: &Model<T>, kinds: &[Kind], number: u32, pair: &Pair<T>) -> ContactRow {
     let kind = kind(model, pair);
     ContactRow {
         contact: 0,
@@ -107,7 +48,82 @@ pub(super) fn row_of<T>(model: &Model<T>, kinds: &[Kind], number: u32, pair: &Pa
         strength: 0,
         cone: kind.cone,
         number: kinds.iter().position(|known| *known == kind).unwrap_or(kinds.len()) as u32,
+        place: 0,
+        law: NONE,
+        links: NONE,
+        couple: NONE,
     }
+}
+
+/// Contacts that one piece of code does for, each class with a row of its first pair.
+#[derive(Clone, Debug, Default)]
+pub struct Classes {
+    /// Numbers of rows where one side stands still: by cone, dimension, which side, and impedance.
+    pub laws: Vec<ContactRow>,
+    /// The same where both sides move: by dofs, dimension and impedance.
+    pub links: Vec<ContactRow>,
+    /// What they add to the Hessian: by links and dimension.
+    pub couples: Vec<ContactRow>,
+    /// All else: [kinds] of those with sides in one tree; of others by dofs, relative to the first of each tree, and cone.
+    pub kinds: Vec<ContactRow>,
+}
+
+/// Numbers classes in the order in which they are met.
+struct Numbering<K>(HashMap<K, u32>);
+
+impl<K: Hash + Eq> Numbering<K> {
+    /// The number of a class; a row of a new one goes to the list, for which `first` are numbers of others.
+    fn of(&mut self, key: K, row: &ContactRow, list: &mut Vec<ContactRow>, first: usize) -> u32 {
+        let next = (first + self.0.len()) as u32;
+        *self.0.entry(key).or_insert_with(|| {
+            list.push(*row);
+            next
+        })
+    }
+}
+
+/// By pair, what its contacts have in common, and the classes of these.
+pub fn rows_of_pairs<T>(model: &Model<T>) -> (Vec<ContactRow>, Classes) {
+    let kinds = kinds(model);
+    let (mut laws, mut links) = (Numbering(HashMap::new()), Numbering(HashMap::new()));
+    let (mut couples, mut apart) = (Numbering(HashMap::new()), Numbering(HashMap::new()));
+    let mut classes = Classes::default();
+    let (mut of_kinds, mut between) = (vec![None; kinds.len()], vec![]);
+    let row = |(number, pair): (u32, &Pair<T>)| {
+        let mut row = row_of(model, &kinds, number, pair);
+        if pair.rigid() {
+            return row;
+        }
+        let impedance = (pair.impedance.flat, pair.impedance.small_power);
+        if pair.sides == Sides::One {
+            let key = (row.cone, row.dim, pair.link2 == NONE, impedance);
+            row.law = laws.of(key, &row, &mut classes.laws, 0);
+        } else {
+            let dofs = &model.pair_dofs[pair.dofs.range()];
+            let apart_from = |side: bool| if pair.sides == Sides::Apart { first_dof(model, pair, side) } else { 0 };
+            let firsts = [false, true].map(apart_from);
+            let of = |entry: &PairDof| (entry.second, entry.dof - firsts[usize::from(entry.second)]);
+            let dofs: Vec<(bool, u32)> = dofs.iter().map(of).collect();
+            row.links = links.of((pair.sides, dofs.clone(), row.dim, impedance), &row, &mut classes.links, 0);
+            row.couple = couples.of((pair.link1, pair.link2, row.dim), &row, &mut classes.couples, 0);
+            if pair.sides == Sides::Apart {
+                row.number = apart.of((dofs, row.dim), &row, &mut between, kinds.len());
+            }
+        }
+        if let Some(place) = of_kinds.get_mut(row.number as usize) {
+            place.get_or_insert(row);
+        }
+        row
+    };
+    let rows = (0..).zip(&model.pairs).map(row).collect();
+    classes.kinds = of_kinds.into_iter().flatten().chain(between).collect();
+    (rows, classes)
+}
+
+/// The first of the dofs of a pair that move its first link and not the second, or the other way round; 0 if there are none.
+pub fn first_dof<T>(model: &Model<T>, pair: &Pair<T>, second: bool) -> u32 {
+    let mut dofs = model.pair_dofs[pair.dofs.range()].iter().filter(|entry| entry.second == second);
+    dofs.next().map_or(0, |entry| entry.dof)
 }
 
 /// Makes a list as long as that if it is shorter.
@@ -118,20 +134,9 @@ pub(crate) fn grow<X: Copy>(list: &mut Vec<X>, len: usize, filling: X) {
     }
 }
 
-/// Numbers of a pair that its contacts' rows are made of: what [`Grip`] has.
-pub const NUMBERS: usize = 17;
-
-/// The numbers of a pair, in the order in which [`Grip::of`] takes them.
-#[inline(always)]
-pub fn numbers<T: Copy>(pair: &Pair<T>) -> [T; NUMBERS] {
-    let Pair { margin, friction: [f1, f2, f3, f4, f5], friction_b, invweight, .. } = *pair;
-    let Impedance { k, b, dmin, dmax, inverse_width, midpoint, power, low, high, .. } = pair.impedance;
-    [margin, invweight, friction_b, f1, f2, f3, f4, f5, k, b, dmin, dmax, inverse_width, midpoint, power, low, high]
-}
-
 /// What a contact's rows depend on beside motion: as [`Pair`].
 #[derive(Clone, Debug)]
-pub struct Grip<L> {
+struct Grip<L> {
     cone: Cone,
     /// Of frictional to normal impedance.
     impratio: f64,
@@ -148,7 +153,7 @@ impl<L: Lane> Grip<L> {
     /// That of a pair.
     #[inline(always)]
     pub fn new(model: Instance<'_, L>, pair: usize) -> Self {
-        let grip = Self::of(&model, &model.pairs[pair], numbers(&model.pairs[pair]).map(L::splat));
+        let grip = Self::of(&model, &model.pairs[pair], model.law(pair));
         match model.grip(pair) {
             Some(varied) => grip.with(varied),
             None => grip,
@@ -161,9 +166,9 @@ impl<L: Lane> Grip<L> {
         Grip { friction: [f1, f2, f3, f4, f5], invweight, ..self }
     }
 
-    /// That of a pair like this one, with other [`numbers`].
+    /// That of a pair like this one, with other [numbers](Pair::law).
     #[inline(always)]
-    pub fn of(model: &Model<L::Real>, pair: &Pair<L::Real>, numbers: [L; NUMBERS]) -> Self {
+    pub fn of(model: &Model<L::Real>, pair: &Pair<L::Real>, numbers: [L; Pair::<f64>::LAW]) -> Self {
         let [margin, invweight, friction_b, f1, f2, f3, f4, f5, k, b, dmin, dmax, inverse_width, midpoint, ..] =
             numbers;
         let [.., power, low, high] = numbers;
@@ -194,7 +199,7 @@ pub struct Numbers<'a, L> {
 
 /// Writes a contact's numbers.
 #[inline(always)]
-fn measure<L: Lane>(
+pub fn measure<L: Lane>(
     model: Instance<'_, L>,
     motion: Motion<'_, L>,
     contact: Contact<'_, L>,
@@ -229,7 +234,7 @@ fn motion_row<L: Lane>(contact: Contact<'_, L>, at: &Vec3<L>, component: usize) 
 
 /// Numbers of a contact one side of which stands still, the other has the motion `twist`.
 #[inline(always)]
-pub fn still_side<L: Lane>(grip: &Grip<L>, contact: Contact<'_, L>, twist: &Spatial<L>, out: Numbers<'_, L>) {
+fn still_side<L: Lane>(grip: &Grip<L>, contact: Contact<'_, L>, twist: &Spatial<L>, out: Numbers<'_, L>) {
     let mut speeds = [L::zero(); 6];
     for (i, (speed, motion)) in speeds.iter_mut().zip(&mut *out.motion).enumerate() {
         let w = motion_row(contact, &contact.pos(), i);
@@ -244,7 +249,7 @@ pub fn still_side<L: Lane>(grip: &Grip<L>, contact: Contact<'_, L>, twist: &Spat
 /// Numbers and Jacobian of a contact between two links; its place is `at` from the origin of the first's tree. `dofs` are
 /// those of the pair, with the axes and velocities of all.
 #[inline(always)]
-pub fn both_sides<L: Lane>(
+fn both_sides<L: Lane>(
     grip: &Grip<L>,
     contact: Contact<'_, L>,
     at: &Vec3<L>,
@@ -278,8 +283,8 @@ fn kind<T>(model: &Model<T>, pair: &Pair<T>) -> Kind {
 
 /// The kinds of the contacts with sides in one tree that the model can have, in ascending order.
 pub fn kinds<T>(model: &Model<T>) -> Vec<Kind> {
-    let mut kinds: Vec<Kind> =
-        model.pairs.iter().map(|pair| kind(model, pair)).filter(|kind| kind.sides != Sides::Apart).collect();
+    let mut kinds: Vec<Kind> = model.pairs.iter().filter(|pair| !pair.rigid()).map(|pair| kind(model, pair)).collect();
+    kinds.retain(|kind| kind.sides != Sides::Apart);
     kinds.sort_unstable();
     kinds.dedup();
     kinds

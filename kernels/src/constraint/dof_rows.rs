@@ -1,7 +1,7 @@
 //! Dry friction and joint limits.
 
 use super::{Constraint, DofLanes, DofRow, DofRowKind, impedance};
-use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::lane::{Lane, Mask, Real};
 use crate::math::quat;
 use crate::math::vec3::{dot, neg, select};
 use crate::model::{Impedance, Instance, Limit, Model};
@@ -23,30 +23,6 @@ pub fn all_dof_rows<T: Real>(model: &Model<T>) -> impl Iterator<Item = DofRow> {
         kinds.iter().map(move |kind| DofRow { kind: *kind, id, dof: limit.dof })
     });
     frictions.chain(limits)
-}
-
-/// Lists the rows on joints that act in some world of `alive`.
-pub fn dof_rows<L: LaneQuery>(
-    model: Instance<'_, L>,
-    qpos: &[L],
-    qvel: &[L],
-    alive: L::Mask,
-    constraint: &mut Constraint<L>,
-) {
-    constraint.dof_rows.clear();
-    constraint.dof_lanes.clear();
-    constraint.joint_lanes = 0;
-    for row in all_dof_rows(&*model) {
-        let violated = violation(&model, &row, qpos, qvel);
-        let acts = violated.pos.lt(L::zero()) & alive;
-        let acts = if row.kind == DofRowKind::Friction { alive } else { acts };
-        let lanes = L::bits(acts);
-        if lanes != 0 {
-            constraint.joint_lanes |= lanes;
-            constraint.dof_rows.push(row);
-            constraint.dof_lanes.push(numbers(model, &row, violated, qvel, acts));
-        }
-    }
 }
 
 /// Numbers of the rows of the constraint's list; returns the worlds in which some of them acts.

@@ -1,8 +1,8 @@
 //! Constraint rows: dry friction, joint limits and contacts, with regularisation and reference acceleration.
 //!
 //! A contact has `dim` components: normal velocity, two tangential, spin and two rolling. Its pyramid's rows are
-//! `normal ± μⱼ·componentⱼ`. Rows of limits and contacts that act in no world of the block are left out; a world in which
-//! a listed row does not act has D = 0 there.
+//! `normal ± μⱼ·componentⱼ`. Contacts that act in no world of the block are left out; a world in which a row does not act has
+//! D = 0 there.
 //!
 //! A component's row is a spatial vector `w` at the tree's origin, which measures the motion of a link, or that of a link
 //! relative to another of the same tree: its Jacobian is ± w·cdof for every dof that moves the one and not the other. Where
@@ -13,8 +13,8 @@ mod dof_rows;
 mod impedance;
 
 pub(crate) use contacts::grow;
-pub use contacts::{Grip, Motion, NUMBERS, Numbers, both_sides, cone, contact_rows, kinds, numbers, still_side};
-pub use dof_rows::{all_dof_rows, dof_lanes, dof_rows, joint_rows};
+pub use contacts::{Classes, Motion, Numbers, cone, first_dof, kinds, measure, rows_of_pairs};
+pub use dof_rows::{all_dof_rows, dof_lanes, joint_rows};
 pub use impedance::impedance;
 
 use crate::lane::Lane;
@@ -93,7 +93,7 @@ impl<L: Lane> DofLaw<'_, L> {
 }
 
 /// The set to which a contact's force is confined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Cone {
     /// Normal force alone.
     Ray,
@@ -128,8 +128,16 @@ pub struct ContactRow {
     pub strength: u32,
     /// Cone.
     pub cone: Cone,
-    /// Number of its kind among the model's, [`Constraint::kinds`]; of contacts between trees one more than those have.
+    /// Number of its kind among the model's, [`Constraint::kinds`]; beyond those, of contacts between trees, that of its class.
     pub number: u32,
+    /// Its place in what the narrow phase found.
+    pub place: u32,
+    /// Its classes, see [`Classes`]: that of its numbers where one side stands still;
+    pub law: u32,
+    /// the same where both move;
+    pub links: u32,
+    /// and that of what it adds to the Hessian.
+    pub couple: u32,
 }
 
 /// What decides a contact's force: D of the normal row, and of every row of a pyramid, which is 0 in worlds where the
@@ -215,7 +223,7 @@ impl ContactRow {
 /// they are: beyond the listed contacts they hold numbers that nobody may read.
 #[derive(Clone, Debug)]
 pub struct Constraint<L> {
-    /// Rows on joints: those that act in some world, or all that the model has.
+    /// Rows on joints: all that the model has.
     pub dof_rows: Vec<DofRow>,
     /// Their numbers.
     pub dof_lanes: Vec<DofLanes<L>>,
@@ -251,14 +259,14 @@ impl<L: Lane> Constraint<L> {
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let capacity = model.capacity();
-        let kinds = contacts::kinds(model);
+        let dof_rows: Vec<DofRow> = all_dof_rows(model).collect();
         Constraint {
-            dof_rows: Vec::with_capacity(capacity.dof_rows),
-            dof_lanes: Vec::with_capacity(capacity.dof_rows),
+            dof_lanes: vec![[L::zero(); 6]; dof_rows.len()],
+            dof_rows,
             joint_lanes: 0,
             contact_lanes: 0,
-            rows_of_pairs: (0..).zip(&model.pairs).map(|(p, pair)| contacts::row_of(model, &kinds, p, pair)).collect(),
-            kinds,
+            rows_of_pairs: rows_of_pairs(model).0,
+            kinds: kinds(model),
             between_trees: model.pairs.iter().any(|pair| pair.sides == Sides::Apart),
             contact_rows: Vec::with_capacity(capacity.contacts),
             components: 0,

@@ -3,12 +3,13 @@
 use crate::acceleration::articulated;
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::Lane;
+use crate::lane::{Lane, Real};
 use crate::math::ldl;
 use crate::math::quat;
 use crate::model::{Instance, JointKind, Model};
 use crate::passive::damper_slope;
 use crate::position::Position;
+use crate::state::State;
 
 fields! {
     /// The next state, before it is committed, and the damped inertia that leads to it.
@@ -78,6 +79,36 @@ pub fn euler<L: Lane>(
         out.qvel[i] = h.mul_add(out.qacc[i], qvel[i]);
     }
     advance(&model, qpos, &out.qvel, h, &mut out.qpos);
+}
+
+/// Replaces the state by the next one in the lanes of `alive` whose next state is usable, and returns these. `qacc` is the
+/// acceleration with constraints and the smooth one. Adding a zero turns a negative zero into a positive one, so that the
+/// sign of a zero that a wider factor, an inactive contact or code may have left never reaches the state; whoever records must
+/// not know that it is 0, or the sum would be left out.
+pub fn commit<L: Lane>(
+    model: Instance<'_, L>,
+    next: &Integration<L>,
+    [qacc, qacc_smooth]: [&[L]; 2],
+    alive: L::Mask,
+    state: &mut State<L>,
+) -> L::Mask {
+    let (mut good, zero) = (alive, model.zero());
+    for x in next.qpos.iter().chain(&next.qvel).chain(qacc) {
+        good = good & x.within(L::Real::MAXVAL);
+    }
+    let replace = |old: &mut [L], new: &[L]| {
+        for (old, new) in old.iter_mut().zip(new) {
+            *old = L::select(good, *new + zero, *old);
+        }
+    };
+    replace(&mut state.qpos, &next.qpos);
+    replace(&mut state.qvel, &next.qvel);
+    for (i, warm) in state.qacc_warmstart.iter_mut().enumerate() {
+        *warm = L::select(good, qacc[i] - qacc_smooth[i] + zero, *warm);
+    }
+    let time = state.time[0] + L::of(model.options.timestep);
+    replace(&mut state.time, &[time]);
+    good
 }
 
 /// q ⊕ h v: positions after moving with velocity `qvel` for a time `h`.

@@ -263,6 +263,28 @@ table! {
     } T
 }
 
+impl<T: Copy> Geom<T> {
+    /// Position, orientation, sizes.
+    #[inline(always)]
+    pub fn numbers(&self) -> [T; 15] {
+        let ([x, y, z], [a, b, c, d, e, f, g, h, i], [s, t, u]) = (self.pos, self.rot, self.size);
+        [x, y, z, a, b, c, d, e, f, g, h, i, s, t, u]
+    }
+}
+
+impl<T: Copy> Pair<T> {
+    /// Number of those numbers.
+    pub const LAW: usize = 17;
+
+    /// The numbers that rows of its contacts depend on.
+    #[inline(always)]
+    pub fn law(&self) -> [T; 17] {
+        let Pair { margin, friction: [f1, f2, f3, f4, f5], friction_b, invweight, .. } = *self;
+        let Impedance { k, b, dmin, dmax, inverse_width, midpoint, power, low, high, .. } = self.impedance;
+        [margin, invweight, friction_b, f1, f2, f3, f4, f5, k, b, dmin, dmax, inverse_width, midpoint, power, low, high]
+    }
+}
+
 impl<T> Pair<T> {
     /// Whether the geoms cannot move against each other: the contacts are reported and have no rows. Only MJCF's `pair` names
     /// such geoms.
@@ -272,7 +294,7 @@ impl<T> Pair<T> {
 }
 
 /// What moves at a contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Sides {
     /// One side stands still.
     One,

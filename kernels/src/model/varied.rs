@@ -5,7 +5,7 @@
 
 use std::ops::Deref;
 
-use super::{Link, Model, Pair};
+use super::{Geom, Link, Model, Pair};
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::splat;
 
@@ -42,11 +42,19 @@ pub enum Quantity {
     MeanInertia,
     /// Mass of each MJCF body.
     BodyMass,
+    /// Position, orientation and sizes of each geom, 15 numbers: shared by all worlds, see [`Quantity::SHARED`].
+    Geom,
+    /// Distance within which contacts of each pair are listed: likewise.
+    Include,
+    /// What contact rows of each pair depend on, 17 numbers, see [`Pair::law`]: likewise.
+    Law,
+    /// A zero that nobody who records may know: likewise.
+    Zero,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 15] = [
+    pub const ALL: [Quantity; 19] = [
         Quantity::Gravity,
         Quantity::StillPotential,
         Quantity::Damping,
@@ -62,10 +70,41 @@ impl Quantity {
         Quantity::Regulariser,
         Quantity::MeanInertia,
         Quantity::BodyMass,
+        Quantity::Geom,
+        Quantity::Include,
+        Quantity::Law,
+        Quantity::Zero,
     ];
 
+    /// Those that never vary. Code for one part that is run for many elements reads them from arrays, where kernels read the
+    /// tables.
+    pub const SHARED: Quantities = Quantities::of(&[Quantity::Geom, Quantity::Include, Quantity::Law, Quantity::Zero]);
+
+    /// Those that may vary from world to world.
+    pub fn varying() -> Quantities {
+        Quantities(((1 << Self::ALL.len()) - 1) & !Self::SHARED.0)
+    }
+
+    /// Name.
+    pub fn name(self) -> &'static str {
+        NAMES[self as usize]
+    }
+
+    /// Numbers of an element.
+    pub const fn width(self) -> usize {
+        match self {
+            Quantity::Gravity | Quantity::Gain | Quantity::Bias => 3,
+            Quantity::Gear | Quantity::Grip => 6,
+            Quantity::Link => 10,
+            Quantity::Compensation => 4,
+            Quantity::Geom => 15,
+            Quantity::Law => Pair::<f64>::LAW,
+            _ => 1,
+        }
+    }
+
     /// The model's own numbers, element by element.
-    pub fn of<T: Copy>(self, model: &Model<T>) -> Vec<T> {
+    pub fn of<T: Copy + Default>(self, model: &Model<T>) -> Vec<T> {
         match self {
             Quantity::Gravity => model.gravity.to_vec(),
             Quantity::StillPotential => vec![model.potential_still],
@@ -91,13 +130,40 @@ impl Quantity {
             Quantity::Regulariser => model.friction_losses.iter().map(|loss| loss.r).collect(),
             Quantity::MeanInertia => vec![model.mean_inertia],
             Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
+            Quantity::Geom => model.geoms.iter().flat_map(Geom::numbers).collect(),
+            Quantity::Include => model.pairs.iter().map(|pair| pair.include).collect(),
+            Quantity::Law => model.pairs.iter().flat_map(Pair::law).collect(),
+            Quantity::Zero => vec![T::default()],
         }
     }
 }
 
+/// Names of the quantities, in the order of [`Quantity::ALL`].
+const NAMES: [&str; Quantity::ALL.len()] = [
+    "Gravity",
+    "StillPotential",
+    "Damping",
+    "Stiffness",
+    "Gain",
+    "Bias",
+    "Gear",
+    "Grip",
+    "Link",
+    "Compensation",
+    "Armature",
+    "LimitWeight",
+    "Regulariser",
+    "MeanInertia",
+    "BodyMass",
+    "Geom",
+    "Include",
+    "Law",
+    "Zero",
+];
+
 /// A set of quantities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Quantities(u16);
+pub struct Quantities(u32);
 
 impl Quantities {
     /// None.
@@ -107,7 +173,7 @@ impl Quantities {
     pub const fn of(list: &[Quantity]) -> Self {
         let (mut set, mut i) = (0, 0);
         while i < list.len() {
-            set |= 1 << list[i] as u16;
+            set |= 1 << list[i] as u32;
             i += 1;
         }
         Quantities(set)
@@ -115,7 +181,7 @@ impl Quantities {
 
     /// Whether it is among them.
     pub const fn has(self, quantity: Quantity) -> bool {
-        self.0 >> quantity as u16 & 1 != 0
+        self.0 >> quantity as u32 & 1 != 0
     }
 
     /// Those of either.
@@ -315,6 +381,30 @@ impl<L: Lane> Instance<'_, L> {
     #[inline(always)]
     pub fn mean_inertia(&self) -> L {
         self.entry(Quantity::MeanInertia, 0).map_or_else(|| L::splat(self.model.mean_inertia), |[x]| x)
+    }
+
+    /// Position, orientation and sizes of a geom, if they are not to be folded.
+    #[inline(always)]
+    pub fn geom(&self, geom: usize) -> Option<[L; 15]> {
+        self.entry(Quantity::Geom, geom)
+    }
+
+    /// Distance within which contacts of a pair are listed.
+    #[inline(always)]
+    pub fn include(&self, pair: usize) -> L {
+        self.entry(Quantity::Include, pair).map_or_else(|| L::splat(self.pairs[pair].include), |[x]| x)
+    }
+
+    /// What contact rows of a pair depend on.
+    #[inline(always)]
+    pub fn law(&self, pair: usize) -> [L; Pair::<f64>::LAW] {
+        self.entry(Quantity::Law, pair).unwrap_or_else(|| splat(&self.pairs[pair].law()))
+    }
+
+    /// A zero.
+    #[inline(always)]
+    pub fn zero(&self) -> L {
+        self.entry(Quantity::Zero, 0).map_or_else(L::zero, |[x]| x)
     }
 
     /// Friction of a pair's contacts and its inverse weight, if they vary.

@@ -1,12 +1,18 @@
 //! Nonlinear conjugate gradients, preconditioned by the inertia matrix (Hager and Zhang, A new conjugate gradient method
 //! with guaranteed descent, 2005).
 
-use super::{Problem, Solver, SolverWork};
+use super::{Problem, Solver, SolverWork, primal};
 use crate::lane::{Lane, Real};
 use crate::math::ldl;
 
+/// Sets the search direction of conjugate gradients and what follows from it.
+pub fn conjugate<L: Lane>(problem: &Problem<'_, L>, first: bool, work: &mut SolverWork<L>) {
+    direction(problem, first, work);
+    primal::motion(problem, work);
+}
+
 /// Sets the search direction -M⁻¹g + β p, and keeps the gradient for the next; β = 0 if `first`.
-pub fn direction<L: Lane>(problem: &Problem<'_, L>, first: bool, work: &mut SolverWork<L>) {
+fn direction<L: Lane>(problem: &Problem<'_, L>, first: bool, work: &mut SolverWork<L>) {
     let Problem { model, acceleration, .. } = problem;
     let Solver { gradient, search, last_gradient, last_scaled, scaled, .. } = &mut work.fields;
     scaled.copy_from_slice(gradient);

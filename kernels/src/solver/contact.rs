@@ -1,44 +1,16 @@
-//! Contacts with sides in one tree: between links and the components of the contacts on them.
+//! Contacts: between links, or dofs, and the components of the contacts on them.
 //!
-//! What one contact does is a function of its law, its components and its links, for which code can be made. The list is
-//! worked through kind by kind, so that there are few calls of that code.
+//! What one contact does is a function of its law, its components and its links. Of contacts between trees all goes by J.
 
 use super::cone::{self, Stiffness};
 use super::edges;
 use super::line::Line;
 use super::{Problem, SolverWork};
-use crate::code::{Code, ContactPart};
-use crate::constraint::{Constraint, ContactRow, Kind, Law};
-use crate::lane::{Lane, LaneQuery};
+use crate::constraint::{Constraint, ContactRow, Law};
+use crate::lane::Lane;
 use crate::math::spatial::{Spatial, Sym6, at, dot6};
 use crate::math::vec3::{build, scale_add, sub};
-use crate::model::{NONE, Sides};
-
-/// Listed contacts of one kind.
-#[derive(Clone, Copy, Debug)]
-pub struct Contacts<'a> {
-    /// Their kind.
-    pub kind: Kind,
-    /// Place of the kind among those of the model.
-    pub number: usize,
-    rows: &'a [ContactRow],
-}
-
-impl<'a> Contacts<'a> {
-    /// Those of the list with sides in one tree.
-    pub fn runs<L: Lane>(constraint: &'a Constraint<L>) -> impl Iterator<Item = Contacts<'a>> {
-        let rows = &constraint.contact_rows[..];
-        let kinds = constraint.kinds.iter().enumerate();
-        let runs = kinds.map(move |(number, kind)| Contacts { kind: *kind, number, rows });
-        runs.filter(|contacts| contacts.rows().next().is_some())
-    }
-
-    /// One by one.
-    pub fn rows(&self) -> impl Iterator<Item = &'a ContactRow> + Clone + use<'a> {
-        let kind = self.kind;
-        self.rows.iter().filter(move |row| row.kind() == kind)
-    }
-}
+use crate::model::{Model, NONE, Sides};
 
 /// y = W t of a contact, W its motion rows and t the motion of its link.
 #[inline(always)]
@@ -188,94 +160,119 @@ pub fn choose<L: Lane>(warm: L::Mask, y: &mut [L], cold: &[L]) {
     }
 }
 
-/// [`survey`] of the list at the two starts.
-pub fn survey_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let constraint = problem.constraint;
-    for contacts in Contacts::runs(constraint) {
-        if code.contact(ContactPart::Survey, contacts, problem, 0, work) {
-            continue;
-        }
-        let SolverWork { fields, y, jp, line, .. } = work;
-        for row in contacts.rows() {
-            let range = row.components();
-            let (w, reference) = (&constraint.motion[range.clone()], &constraint.reference[range.clone()]);
-            let twists = [&fields.cold_twist, &fields.twist].map(|twist| relative(twist, row));
-            let y = [&mut jp.component[range.clone()], &mut y.component[range]];
-            survey(constraint.law(row), w, &twists, reference, y, line);
+/// [`survey`] of a listed contact at the two starts.
+#[inline(always)]
+pub fn survey_row<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) {
+    let SolverWork { fields, y, jp, line, .. } = work;
+    let (constraint, range) = (problem.constraint, row.components());
+    let [cold, warm] = [&mut jp.component[range.clone()], &mut y.component[range.clone()]];
+    let reference = &constraint.reference[range.clone()];
+    if row.sides == Sides::Apart {
+        let cost = |x: &[L], y: &mut [L]| survey_apart(problem, row, x, reference, y);
+        line.set_cold_cost(line.cold_cost() + cost(&problem.acceleration.qacc_smooth, cold));
+        line.set_warm_cost(line.warm_cost() + cost(&fields.search, warm));
+        return;
+    }
+    let twists = [&fields.cold_twist, &fields.twist].map(|twist| relative(twist, row));
+    survey(constraint.law(row), &constraint.motion[range], &twists, reference, [cold, warm], line);
+}
+
+/// y = J x - a_ref of a contact between trees; returns twice its cost there.
+#[inline(always)]
+fn survey_apart<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, x: &[L], reference: &[L], y: &mut [L]) -> L {
+    rates_apart(problem, row, x, y);
+    y.iter_mut().zip(reference).for_each(|(y, reference)| *y += *reference);
+    cone::twice_cost(problem.constraint.law(row), y)
+}
+
+/// y = J x of a contact between trees.
+#[inline(always)]
+pub fn rates_apart<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, x: &[L], y: &mut [L]) {
+    y.fill(L::zero());
+    for (dof, column) in columns(problem.model, problem.constraint, row) {
+        for (y, j) in y.iter_mut().zip(column) {
+            *y = j.mul_add(x[dof], *y);
         }
     }
 }
 
-/// [`approach`] of the list.
-pub fn approach_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let constraint = problem.constraint;
-    for contacts in Contacts::runs(constraint) {
-        if code.contact(ContactPart::Approach, contacts, problem, 0, work) {
-            continue;
-        }
-        let SolverWork { fields, y, jp, line, .. } = work;
-        for row in contacts.rows() {
-            let range = row.components();
-            let (w, twist) = (&constraint.motion[range.clone()], relative(&fields.twist, row));
-            let (y, jp) = (&y.component[range.clone()], &mut jp.component[range]);
-            approach(constraint.law(row), w, &twist, y, jp, line);
+/// Adds Jᵀf of a contact between trees.
+#[inline(always)]
+pub fn pull_apart<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, force: &[L], out: &mut [L]) {
+    for (dof, column) in columns(problem.model, problem.constraint, row) {
+        for (f, j) in force.iter().zip(column) {
+            out[dof] = j.mul_add(*f, out[dof]);
         }
     }
 }
 
-/// [`edges::slope`] of the list at the step that is tried.
-pub fn slope_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    for contacts in Contacts::runs(problem.constraint) {
-        if code.contact(ContactPart::Slope, contacts, problem, 0, work) {
-            continue;
-        }
-        let SolverWork { y, jp, line, .. } = work;
-        for row in contacts.rows() {
-            let (y, jp) = (&y.component[row.components()], &jp.component[row.components()]);
-            edges::slope(problem.constraint.law(row), y, jp, line.step(), line);
-        }
+/// Dofs and Jacobian columns of a contact whose sides both move.
+#[inline(always)]
+pub fn columns<'a, L: Lane>(
+    model: &'a Model<L::Real>,
+    constraint: &'a Constraint<L>,
+    row: &ContactRow,
+) -> impl Iterator<Item = (usize, &'a [L])> {
+    let dofs = &model.pair_dofs[model.pairs[row.pair as usize].dofs.range()];
+    let columns = constraint.jacobian_of(row, dofs.len()).chunks_exact(row.dim as usize);
+    dofs.iter().map(|entry| entry.dof as usize).zip(columns)
+}
+
+/// [`choose`] of a listed contact.
+#[inline(always)]
+pub fn choose_row<L: Lane>(warm: L::Mask, row: &ContactRow, work: &mut SolverWork<L>) {
+    choose(warm, &mut work.y.component[row.components()], &work.jp.component[row.components()]);
+}
+
+/// [`approach`] of a listed contact.
+#[inline(always)]
+pub fn approach_row<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) {
+    let SolverWork { fields, y, jp, line, .. } = work;
+    let (constraint, range) = (problem.constraint, row.components());
+    let (y, jp, law) = (&y.component[range.clone()], &mut jp.component[range.clone()], constraint.law(row));
+    if row.sides == Sides::Apart {
+        rates_apart(problem, row, &fields.search, jp);
+        edges::begin(law, y, jp, line);
+    } else {
+        approach(law, &constraint.motion[range], &relative(&fields.twist, row), y, jp, line);
     }
 }
 
-/// [`act`] of the list.
-pub fn act_all<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    open: L::Mask,
-    code: &mut dyn Code<L>,
-    work: &mut SolverWork<L>,
-) {
-    let constraint = problem.constraint;
-    for contacts in Contacts::runs(constraint) {
-        if code.contact(ContactPart::Act, contacts, problem, L::bits(open), work) {
-            continue;
+/// [`edges::slope`] of a listed contact at the step that is tried.
+#[inline(always)]
+pub fn slope_row<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) {
+    let SolverWork { y, jp, line, .. } = work;
+    let (y, jp) = (&y.component[row.components()], &jp.component[row.components()]);
+    edges::slope(problem.constraint.law(row), y, jp, line.step(), line);
+}
+
+/// [`act`] of a listed contact, in the lanes of `open`.
+#[inline(always)]
+pub fn act_row<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, row: &ContactRow, work: &mut SolverWork<L>) {
+    let (constraint, range) = (problem.constraint, row.components());
+    let SolverWork { fields, y, jp, force, line, .. } = work;
+    let (jp, y, force) =
+        (&jp.component[range.clone()], &mut y.component[range.clone()], &mut force.component[range.clone()]);
+    let (law, step, wrench) = (constraint.law(row), line.step(), &mut fields.wrench);
+    let w = &constraint.motion[range];
+    match row.sides {
+        Sides::Apart => {
+            follow(step, open, y, jp);
+            cone::force(law, y, force);
+            pull_apart(problem, row, force, &mut fields.pull);
         }
-        let SolverWork { fields, y, jp, force, line, .. } = work;
-        let (step, wrench) = (line.step(), &mut fields.wrench);
-        for row in contacts.rows() {
-            let range = row.components();
-            let (w, jp) = (&constraint.motion[range.clone()], &jp.component[range.clone()]);
-            let (y, force) = (&mut y.component[range.clone()], &mut force.component[range]);
-            let law = constraint.law(row);
-            if row.other == NONE {
-                act(law, w, step, open, jp, y, force, &mut wrench[row.link as usize], None);
-            } else if let Ok([wrench, other]) = wrench.get_disjoint_mut([row.link as usize, row.other as usize]) {
+        Sides::One => act(law, w, step, open, jp, y, force, &mut wrench[row.link as usize], None),
+        Sides::Two => {
+            if let Ok([wrench, other]) = wrench.get_disjoint_mut([row.link as usize, row.other as usize]) {
                 act(law, w, step, open, jp, y, force, wrench, Some(other));
             }
         }
     }
 }
 
-/// [`stiffen`] of those contacts of the list whose one side stands still.
-pub fn stiffen_all<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let constraint = problem.constraint;
-    for contacts in Contacts::runs(constraint).filter(|contacts| contacts.kind.sides == Sides::One) {
-        if code.contact(ContactPart::Stiffen, contacts, problem, 0, work) {
-            continue;
-        }
-        for row in contacts.rows() {
-            let range = row.components();
-            let (w, y) = (&constraint.motion[range.clone()], &work.y.component[range]);
-            stiffen(constraint.law(row), w, y, &mut work.fields.stiffness[row.link as usize]);
-        }
-    }
+/// [`stiffen`] of a listed contact one side of which stands still.
+#[inline(always)]
+pub fn stiffen_row<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) {
+    let (w, y) = (&problem.constraint.motion[row.components()], &work.y.component[row.components()]);
+    stiffen(problem.constraint.law(row), w, y, &mut work.fields.stiffness[row.link as usize]);
 }

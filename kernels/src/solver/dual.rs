@@ -1,7 +1,7 @@
 //! The dual problem, minimise over forces: A = J M⁻¹ Jᵀ through whitened rows b = D^-½ L⁻ᵀ jᵀ, so that A = b·b and a sweep
 //! over the rows is matrix-free: z = Σ b f holds what all forces do.
 
-use super::{Problem, RowVector, SolverWork, rows};
+use super::{Problem, RowVector, SolverWork, contact, rows};
 use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::ldl;
@@ -18,11 +18,11 @@ pub fn needed<T>(model: &Model<T>) -> bool {
 #[derive(Clone, Debug)]
 pub struct Dual<L> {
     /// `nv` numbers per dof row, then per contact component.
-    b: Vec<L>,
+    pub b: Vec<L>,
     /// Σ b f.
     pub z: Vec<L>,
     /// √D⁻¹ of M's factor.
-    root: Vec<L>,
+    pub root: Vec<L>,
     /// J a₀ - a_ref.
     pub bias: RowVector<L>,
     nv: usize,
@@ -150,7 +150,7 @@ fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
     }
     for row in contact_rows {
         if row.sides != Sides::One {
-            for (dof, column) in rows::columns(model, constraint, row) {
+            for (dof, column) in contact::columns(model, constraint, row) {
                 for (i, j) in row.components().zip(column) {
                     b[at(dof_rows.len() + i, dof)] = *j;
                 }

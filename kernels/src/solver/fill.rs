@@ -10,8 +10,6 @@ use crate::model::{Model, Pattern, Span};
 pub struct Fill {
     /// The filled pattern of the current block.
     pub pattern: Pattern,
-    /// Whether it has been found.
-    pub known: bool,
     /// Columns below the diagonal, for every row from the word of its first stored column to that of the diagonal.
     bits: Vec<u64>,
     /// Where the word of column 0 of each row would be in `bits`, and the words that there are.
@@ -37,7 +35,6 @@ impl Fill {
             rows: model.rows.first.iter().enumerate().map(place).collect(),
             pattern: Pattern::with_capacity(nv, runs, model.sizes.nm),
             bits: vec![0; bits],
-            known: false,
         }
     }
 
@@ -68,7 +65,6 @@ impl Fill {
         }
         self.close();
         self.collect_runs();
-        self.known = true;
     }
 
     fn set(&mut self, i: usize, j: usize) {

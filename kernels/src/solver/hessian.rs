@@ -5,32 +5,19 @@
 //! M's sparsity. Contacts whose sides both move add their rows' products.
 
 use super::cone::{self, Stiffness};
-use super::contact;
 use super::{Problem, Solver, SolverWork, joints};
-use crate::code::{Code, SolverPart};
-use crate::constraint::Law;
-use crate::lane::{Lane, LaneQuery};
+use crate::constraint::{ContactRow, Law};
+use crate::lane::Lane;
 use crate::math::tree;
-use crate::model::{NONE, PairDof, Rows, Sides};
+use crate::model::{NONE, PairDof, Rows};
 
-/// Sums the stiffnesses of contacts whose one side stands still, link by link.
-pub fn collect<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    contact::stiffen_all(problem, code, work);
-}
-
-/// Fills the Hessian for the current iterate from the collected stiffnesses.
-pub fn assemble<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+/// [`couple`] of a listed contact.
+#[inline(always)]
+pub fn couple_row<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, work: &mut SolverWork<L>) {
     let Problem { model, constraint, .. } = *problem;
-    if code.solver(SolverPart::Curve, problem, &[], 0, work).is_none() {
-        curve(problem, work);
-    }
-    for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::One) {
-        if !code.couple(problem, row, work) {
-            let dofs = &model.pair_dofs[model.pairs[row.pair as usize].dofs.range()];
-            let (jacobian, y) = (constraint.jacobian_of(row, dofs.len()), &work.y.component[row.components()]);
-            couple(&model.rows, dofs, constraint.law(row), jacobian, y, &mut work.fields.hessian);
-        }
-    }
+    let dofs = &model.pair_dofs[model.pairs[row.pair as usize].dofs.range()];
+    let (jacobian, y) = (constraint.jacobian_of(row, dofs.len()), &work.y.component[row.components()]);
+    couple(&model.rows, dofs, constraint.law(row), jacobian, y, &mut work.fields.hessian);
 }
 
 /// H += Jᵀ K J of a contact whose sides both move, on the given dofs.

@@ -1,7 +1,7 @@
 //! Constraint solvers: the acceleration that minimises ½(a - a₀)ᵀM(a - a₀) + s(Ja - a_ref), with s the convex cost of the
 //! rows (Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014).
 //!
-//! Drivers iterate until every world of the block has converged; a world that has is frozen by a mask, so its bits do not
+//! [Drivers](crate::drivers::solver) iterate until every world of the block has converged; a world that has is frozen by a mask, so its bits do not
 //! depend on how long its neighbours take.
 
 mod anderson;
@@ -9,36 +9,36 @@ mod cg;
 mod cone;
 pub mod contact;
 mod dual;
-pub mod edges;
+mod edges;
 mod fill;
 mod hessian;
-pub mod joints;
+mod joints;
 mod line;
 mod newton;
-mod noslip;
-mod pgs;
+pub mod noslip;
+pub mod pgs;
 mod primal;
 mod qcqp;
 mod residual;
-mod rounds;
 mod rows;
 
+pub use anderson::Anderson;
+pub use cg::conjugate;
+pub use dual::{Dual, finish, prepare};
 pub use fill::Fill;
-pub use hessian::{couple, curve};
+pub use hessian::{couple_row, curve};
 pub use line::{LINE, Line, Trial, probe};
 pub use newton::{descend, polish};
-pub use primal::{choose, depart, motion};
+pub use primal::{choose, depart};
 pub use residual::measure_residual;
-pub use rounds::Rounds;
-pub use rows::{Arrival, gather};
+pub use rows::{Arrival, catch_up, gather};
 
 use crate::acceleration::Acceleration;
-use crate::code::Code;
 use crate::constraint::{Constraint, grow};
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::{Lane, LaneQuery};
-use crate::model::{Capacity, Model, NONE, Pattern, Sides};
+use crate::lane::Lane;
+use crate::model::{Capacity, Model, Pattern};
 use crate::options;
 use crate::position::Position;
 use crate::stage::Stage;
@@ -50,7 +50,7 @@ fields! {
         pub qacc: Vec<L> = sizes.nv,
         /// Σ Jᵀf: generalised force of the constraints.
         pub qfrc_constraint: Vec<L> = sizes.nv,
-        /// The same of the current iterate, in lanes that still iterate.
+        /// The same of contacts between trees at the current iterate; zero once that has been passed on.
         pub pull: Vec<L> = sizes.nv,
         /// M a of the current iterate.
         pub ma: Vec<L> = sizes.nv,
@@ -64,7 +64,7 @@ fields! {
         pub hessian: Vec<L> = sizes.nm,
         /// D⁻¹ of that factor.
         pub inverse: Vec<L> = sizes.nv,
-        /// Scratch of the factorisation.
+        /// Scratch.
         pub multipliers: Vec<L> = sizes.nv,
         /// M⁻¹ times the gradient (conjugate gradients).
         pub scaled: Vec<L> = sizes.nv,
@@ -116,7 +116,7 @@ impl<L: Lane> RowVector<L> {
     }
 
     /// Sets the lengths to those of the constraint's lists, which those of contacts never exceed.
-    fn fit(&mut self, constraint: &Constraint<L>) {
+    pub(crate) fn fit(&mut self, constraint: &Constraint<L>) {
         self.dof.resize(constraint.dof_rows.len(), L::zero());
         grow(&mut self.component, constraint.reference.len(), L::zero());
     }
@@ -212,63 +212,6 @@ impl<L: Lane> SolverWork<L> {
     }
 }
 
-/// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. `warmstart` is what constraints added to the smooth
-/// acceleration in the last step: with controls that change all the time it says more about this step than the last
-/// acceleration itself. Worlds without active rows keep the smooth acceleration. Unless `keep`, forces of rows may be those of
-/// the acceleration before a last small step. Returns the lanes that reached the limit of iterations.
-pub fn solve<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    warmstart: &[L],
-    alive: L::Mask,
-    keep: bool,
-    code: &mut dyn Code<L>,
-    work: &mut SolverWork<L>,
-) -> L::Mask {
-    work.fit(problem.constraint);
-    prepare(problem.model, problem.constraint, work);
-    let constrained = active_lanes(problem.constraint);
-    let options = &problem.model.options;
-    let left = match options.solver {
-        options::Solver::Newton | options::Solver::Cg => {
-            let rows = keep || options.noslip_iterations > 0;
-            let left = primal::solve(problem, warmstart, alive & constrained, rows, code, work);
-            if rows {
-                pgs::edge_forces(problem.constraint, work);
-            }
-            left
-        }
-        options::Solver::Pgs => pgs::solve(problem, warmstart, alive & constrained, work),
-    };
-    if options.noslip_iterations > 0 {
-        noslip::solve(problem, alive & constrained, work);
-    }
-    let Solver { qacc, qfrc_constraint, .. } = &mut work.fields;
-    for i in 0..qacc.len() {
-        qacc[i] = L::select(constrained, qacc[i], problem.acceleration.qacc_smooth[i]);
-        qfrc_constraint[i] = L::select(constrained, qfrc_constraint[i], L::zero());
-    }
-    left
-}
-
-/// Finds touched links.
-fn prepare<L: Lane>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &mut SolverWork<L>) {
-    work.touched.fill(false);
-    for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
-        for mut l in [row.link, row.other] {
-            while l != NONE && !work.touched[l as usize] {
-                work.touched[l as usize] = true;
-                l = model.links[l as usize].parent;
-            }
-        }
-    }
-    work.fill.known = false;
-}
-
-/// Worlds in which some row acts.
-fn active_lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
-    L::mask_of(constraint.joint_lanes | constraint.contact_lanes)
-}
-
 /// The pattern of the Hessian when all contacts act that join branches, wider than any that a step can need; `None` if
 /// there are no such contacts.
 pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
@@ -278,19 +221,4 @@ pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
         fill.find(model, joining.into_iter());
         fill.pattern
     })
-}
-
-/// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches or trees.
-fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a Fill) -> &'a Pattern {
-    if problem.constraint.cross { &fill.pattern } else { &problem.model.tree_pattern }
-}
-
-/// The filled pattern, taken out of the work so that the rest can change, and found if it is needed and was not yet.
-fn find_pattern<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) -> Fill {
-    let Problem { model, constraint, .. } = problem;
-    let mut fill = std::mem::take(&mut work.fill);
-    if constraint.cross && !fill.known {
-        fill.find(model, constraint.contact_rows.iter().map(|row| row.pair));
-    }
-    fill
 }

@@ -1,33 +1,17 @@
 //! Newton's method: the direction -H⁻¹g.
 
-use super::{Problem, Solver, SolverWork, find_pattern, hessian, pattern, primal};
-use crate::code::{Code, SolverPart};
-use crate::lane::{Lane, LaneQuery};
+use super::{Problem, Solver, SolverWork, primal};
+use crate::lane::Lane;
 use crate::math::ldl;
 use crate::model::Pattern;
 
-/// Sets the search direction of the current iterate, and what follows from it.
-pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    hessian::collect(problem, code, work);
-    // Contacts whose sides both move have more to add to the Hessian.
-    let alone = !problem.constraint.coupled;
-    if alone && code.solver(SolverPart::Turn, problem, &[], 0, work).is_some() {
-        return;
-    }
-    hessian::assemble(problem, code, work);
-    let part = SolverPart::Descend { filled: problem.constraint.cross };
-    if code.solver(part, problem, &[], 0, work).is_none() {
-        let fill = find_pattern(problem, work);
-        descend(problem, pattern(problem, &fill), work);
-        work.fill = fill;
-    }
-}
-
-/// Factors the Hessian, and sets the search direction and what follows from it.
-pub fn descend<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, work: &mut SolverWork<L>) {
-    let Solver { hessian, inverse, multipliers, .. } = &mut work.fields;
+/// Factors the Hessian, on the inertia matrix's pattern or on the filled one, and sets the search direction and what follows from it.
+pub fn descend<L: Lane>(problem: &Problem<'_, L>, filled: bool, work: &mut SolverWork<L>) {
+    let SolverWork { fields, fill, .. } = work;
+    let pattern = if filled { &fill.pattern } else { &problem.model.tree_pattern };
+    let Solver { hessian, inverse, multipliers, .. } = &mut *fields;
     ldl::factor(&problem.model.rows, pattern, hessian, inverse, multipliers);
-    search(problem, pattern, &mut work.fields);
+    search(problem, pattern, fields);
     primal::motion(problem, work);
 }
 
@@ -40,9 +24,10 @@ fn search<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Sol
     ldl::solve(&problem.model.rows, pattern, hessian, inverse, search);
 }
 
-/// A last step from the factor at hand, in the lanes of `open`. It stays within a quadratic piece, so it leaves no gradient: the
+/// A last step from the factor at hand, on the inertia matrix's pattern or on the filled one, in the lanes of `open`. It stays within a quadratic piece, so it leaves no gradient: the
 /// force of the constraints is M a - (smooth force), and rows need not be looked at.
-pub fn polish<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, open: L::Mask, work: &mut SolverWork<L>) {
+pub fn polish<L: Lane>(problem: &Problem<'_, L>, filled: bool, open: L::Mask, work: &mut SolverWork<L>) {
+    let pattern = if filled { &work.fill.pattern } else { &problem.model.tree_pattern };
     search(problem, pattern, &mut work.fields);
     let Problem { model, inertia, acceleration, .. } = problem;
     let Solver { qacc, ma, qfrc_constraint, search, msearch, .. } = &mut work.fields;

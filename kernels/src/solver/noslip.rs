@@ -3,31 +3,11 @@
 
 use super::{Problem, SolverWork, dual, joints, pgs};
 use crate::constraint::{Cone, DofRowKind};
-use crate::lane::{Lane, LaneQuery};
+use crate::lane::Lane;
 use crate::math::vec3::build;
-use crate::options;
-
-/// Sweeps over friction until a sweep improves the cost by less than the no-slip tolerance, in the lanes of `open`.
-pub fn solve<L: LaneQuery>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
-    let model = problem.model;
-    if model.options.solver != options::Solver::Pgs {
-        dual::prepare(problem, work);
-    }
-    let scale = L::one() / (problem.mean_inertia * L::of((model.sizes.nv as f64).max(1.0)));
-    let tolerance = L::of(model.options.noslip_tolerance);
-    let mut open = open;
-    for _ in 0..model.options.noslip_iterations {
-        if !L::any(open) {
-            break;
-        }
-        let improvement = sweep(problem, open, work);
-        open = open & !(improvement * scale).lt(tolerance);
-    }
-    dual::finish(problem, work);
-}
 
 /// One pass over dry friction and the friction of contacts.
-fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
+pub fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
     let Problem { model, constraint, .. } = problem;
     let mut improvement = L::zero();
     for (r, law) in constraint.dof_laws().enumerate().filter(|(_, law)| law.row.kind == DofRowKind::Friction) {

@@ -4,47 +4,14 @@
 //! Limits and pyramid edges are scalar rows. An elliptic contact moves along the ray through its force, then its friction
 //! is minimised with the normal force fixed. Between sweeps, forces move on to where the last sweeps say together.
 
-use super::anderson::Anderson;
 use super::{Problem, SolverWork, dual, joints, qcqp, rows};
 use crate::constraint::{Cone, DofLaw, DofRowKind, Law};
-use crate::lane::{Lane, LaneQuery, Mask, Real};
+use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::build;
 use crate::model::Model;
 
-/// Sweeps until the lanes of `open` have converged: a sweep improves the cost by less than the tolerance. Returns the
-/// lanes that reached the limit of sweeps.
-pub fn solve<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    warmstart: &[L],
-    open: L::Mask,
-    work: &mut SolverWork<L>,
-) -> L::Mask {
-    start(problem, warmstart, work);
-    let model = problem.model;
-    let scale = L::one() / (problem.mean_inertia * L::of((model.sizes.nv as f64).max(1.0)));
-    let tolerance = L::of(model.options.tolerance);
-    let mut open = open;
-    let mut niter = L::zero();
-    let mut rounds = 0;
-    let mut past = std::mem::replace(&mut work.past, Anderson::new());
-    past.begin(problem, work);
-    while L::any(open) && rounds < model.options.iterations {
-        rounds += 1;
-        niter += L::select(open, L::one(), L::zero());
-        past.before(problem.constraint, work);
-        let improvement = sweep(problem, open, work);
-        open = open & !(improvement * scale).lt(tolerance);
-        past.accelerate(problem, open, work);
-    }
-    work.past = past;
-    work.statistics.niter = niter;
-    work.statistics.block_niter = rounds;
-    dual::finish(problem, work);
-    open
-}
-
 /// Forces of the warm start's acceleration where their dual cost is negative, else none.
-fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
+pub fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
     let constraint = problem.constraint;
     let warm = &mut work.fields.search;
     for (warm, (smooth, change)) in warm.iter_mut().zip(problem.acceleration.qacc_smooth.iter().zip(warmstart)) {
@@ -71,7 +38,7 @@ fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWo
 }
 
 /// Edge forces of pyramids from y.
-pub(super) fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>, work: &mut SolverWork<L>) {
+pub fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>, work: &mut SolverWork<L>) {
     work.edge_force.clear();
     for row in constraint.contact_rows.iter().filter(|row| row.cone == Cone::Pyramid) {
         let law = constraint.law(row);
@@ -87,7 +54,7 @@ pub(super) fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>
 
 /// One pass over all rows; returns by how much the cost fell. On the way to a block's minimum it falls by at least half the
 /// square ΔᵀAΔ of the change: this bound stands in where rounding leaves no better number, else noise would end the sweeps.
-fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
+pub fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
     let constraint = problem.constraint;
     let mut improvement = L::zero();
     for (r, law) in constraint.dof_laws().enumerate() {

@@ -4,37 +4,9 @@
 //! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
 //! the minimum, so the solver knows that it is done.
 
-use super::rounds::{Outcome, PartByPart, iterate};
-use super::{Problem, Solver, SolverWork, contact, joints, rows};
-use crate::code::{Code, SolverPart};
-use crate::lane::{Lane, LaneQuery, Mask, Real};
+use super::{Problem, Solver, SolverWork, contact, joints};
+use crate::lane::{Lane, Mask, Real};
 use crate::math::{ldl, tree};
-
-/// Iterates from the smooth acceleration plus `warmstart`, or without it if that costs less, until the lanes of `open` have
-/// converged. `rows`: whether anyone wants to know what rows do at the end. Returns the lanes that reached the limit of
-/// iterations.
-pub fn solve<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    warmstart: &[L],
-    open: L::Mask,
-    rows: bool,
-    code: &mut dyn Code<L>,
-    work: &mut SolverWork<L>,
-) -> L::Mask {
-    code.contacts(problem.constraint);
-    let options = &problem.model.options;
-    let (open, mut outcome) = (L::bits(open), None);
-    if !code.rounds(problem, warmstart, work, &mut |parts| outcome = Some(iterate(options, open, parts))) {
-        outcome = Some(iterate(options, open, &mut PartByPart { problem, warmstart, code, work }));
-    }
-    let Some(Outcome { open, niter, rounds, ahead }) = outcome else { return L::mask_of(open) };
-    if rows && ahead != 0 {
-        rows::catch_up(problem, L::mask_of(ahead), work);
-    }
-    work.statistics.niter = niter;
-    work.statistics.block_niter = rounds;
-    L::mask_of(open)
-}
 
 /// From the search direction p: M p, slopes and curvature along it, the motion of every link, J p of rows on joints, and the
 /// start of the line search.
@@ -54,29 +26,6 @@ pub fn motion<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     tree::twists(model, &position.cdof, search, twist);
     joints::rates(constraint, search, &mut work.jp.dof);
     work.line.begin();
-}
-
-/// Chooses the start: sets qacc, M qacc and y, and no step.
-pub(super) fn start<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    warmstart: &[L],
-    code: &mut dyn Code<L>,
-    work: &mut SolverWork<L>,
-) {
-    if code.solver(SolverPart::Depart, problem, warmstart, 0, work).is_none() {
-        depart(problem, warmstart, work);
-    }
-    let SolverWork { fields, y, jp, line, .. } = work;
-    let (y, cold) = (&mut y.component, &mut jp.component);
-    line.set_cold_cost(line.cold_cost() + rows::survey_apart(problem, &problem.acceleration.qacc_smooth, cold));
-    line.set_warm_cost(line.warm_cost() + rows::survey_apart(problem, &fields.search, y));
-    contact::survey_all(problem, code, work);
-    let warm = match code.solver(SolverPart::Choose, problem, &[], 0, work) {
-        Some([warm, _]) => L::mask_of(warm),
-        None => choose(problem, work),
-    };
-    let components = problem.constraint.components;
-    contact::choose(warm, &mut work.y.component[..components], &work.jp.component);
 }
 
 /// Looks at the smooth acceleration, and at the same plus `warmstart`, which becomes the search direction: the motion of every

@@ -1,14 +1,14 @@
 //! How far an acceleration is from the minimum: the residual of the optimality (KKT) conditions.
 
-use super::{Problem, Solver, SolverWork, active_lanes, rows};
-use crate::lane::LaneQuery;
+use super::{Problem, Solver, SolverWork, rows};
+use crate::lane::Lane;
 use crate::math::ldl;
 
-/// Sets the residual of the statistics, from the acceleration alone: whatever a solver believes, M a - smooth force - Jᵀf
+/// Sets the residual of the statistics in the lanes of `active`, from the acceleration alone: whatever a solver believes, M a - smooth force - Jᵀf
 /// with the forces f that the convex cost has at a. The no-slip pass minimises another cost on purpose; there the residual
 /// says how much friction's regularisation is missing. Nothing that can be asked for changes, the solver's forces neither.
-pub fn measure_residual<L: LaneQuery>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, inertia, acceleration, constraint, .. } = problem;
+pub fn measure_residual<L: Lane>(problem: &Problem<'_, L>, active: L::Mask, work: &mut SolverWork<L>) {
+    let Problem { model, inertia, acceleration, .. } = problem;
     rows::at_acceleration(problem, work);
     let Solver { qacc, ma, .. } = &mut work.fields;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, qacc, ma);
@@ -22,7 +22,7 @@ pub fn measure_residual<L: LaneQuery>(problem: &Problem<'_, L>, work: &mut Solve
         squared = gradient.mul_add(gradient, squared);
     }
     let scale = problem.mean_inertia * L::of((model.sizes.nv as f64).max(1.0));
-    work.statistics.residual = L::select(active_lanes(constraint), squared.sqrt() / scale, L::zero());
+    work.statistics.residual = L::select(active, squared.sqrt() / scale, L::zero());
 }
 
 /// Puts scratch in the place of the row forces and of their generalised force, or puts them back.

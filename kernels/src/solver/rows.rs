@@ -1,13 +1,12 @@
 //! Between dofs and rows: J x, row forces, and Jᵀ f.
 
-use super::{Problem, RowVector, Solver, SolverWork, cone, contact, edges, joints, primal};
-use crate::code::{Code, SolverPart};
-use crate::constraint::{Constraint, ContactRow};
-use crate::lane::{Lane, LaneQuery, Real};
+use super::{Problem, RowVector, Solver, SolverWork, cone, contact, joints, primal};
+use crate::constraint::Constraint;
+use crate::lane::{Lane, Real};
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::tree;
 use crate::math::vec3::{add, zero};
-use crate::model::{Model, NONE, Sides};
+use crate::model::{NONE, Sides};
 
 /// out = J x.
 pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], out: &mut RowVector<L>) {
@@ -16,62 +15,14 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
         tree::twists(problem.model, &problem.position.cdof, x, twist);
     }
     joints::rates(constraint, x, &mut out.dof);
-    of_apart(problem, x, &mut out.component);
-    for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
-        let range = row.components();
-        contact::rates(&constraint.motion[range.clone()], &contact::relative(twist, row), &mut out.component[range]);
-    }
-}
-
-/// The components of J x of contacts between trees.
-fn of_apart<L: Lane>(problem: &Problem<'_, L>, x: &[L], out: &mut [L]) {
-    let Problem { model, constraint, .. } = problem;
-    for row in constraint.apart() {
-        let out = &mut out[row.components()];
-        out.fill(L::zero());
-        for (entry, column) in columns(model, constraint, row) {
-            for (y, j) in out.iter_mut().zip(column) {
-                *y = j.mul_add(x[entry], *y);
-            }
+    for row in &constraint.contact_rows {
+        let (w, y) = (&constraint.motion[row.components()], &mut out.component[row.components()]);
+        if row.sides == Sides::Apart {
+            contact::rates_apart(problem, row, x, y);
+        } else {
+            contact::rates(w, &contact::relative(twist, row), y);
         }
     }
-}
-
-/// y = J x - a_ref of contacts between trees; returns twice their cost there.
-pub fn survey_apart<L: Lane>(problem: &Problem<'_, L>, x: &[L], y: &mut [L]) -> L {
-    let constraint = problem.constraint;
-    of_apart(problem, x, y);
-    let mut twice = L::zero();
-    for row in constraint.apart() {
-        let y = &mut y[row.components()];
-        for (y, reference) in y.iter_mut().zip(&constraint.reference[row.components()]) {
-            *y += *reference;
-        }
-        twice += cone::twice_cost(constraint.law(row), y);
-    }
-    twice
-}
-
-/// Of contacts: J p of the search direction p, what the line search wants to know, and their slope on a full step.
-pub fn approach<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let constraint = problem.constraint;
-    let SolverWork { fields, y, jp, line, .. } = work;
-    of_apart(problem, &fields.search, &mut jp.component);
-    for row in constraint.apart() {
-        let (y, v) = (&y.component[row.components()], &jp.component[row.components()]);
-        edges::begin(constraint.law(row), y, v, line);
-    }
-    contact::approach_all(problem, code, work);
-}
-
-/// Slope and curvature of contacts at the step that is tried.
-pub fn slope<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
-    let SolverWork { y, jp, line, .. } = work;
-    for row in problem.constraint.apart() {
-        let (y, v) = (&y.component[row.components()], &jp.component[row.components()]);
-        edges::slope(problem.constraint.law(row), y, v, line.step(), line);
-    }
-    contact::slope_all(problem, code, work);
 }
 
 /// y = J x becomes J x - a_ref.
@@ -84,19 +35,6 @@ pub fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut RowVector<L>) 
     }
 }
 
-/// Dofs and Jacobian columns of a contact between trees.
-#[inline(always)]
-pub fn columns<'a, L: Lane>(
-    model: &'a Model<L::Real>,
-    constraint: &'a Constraint<L>,
-    row: &ContactRow,
-) -> impl Iterator<Item = (usize, &'a [L])> {
-    let dofs = &model.pair_dofs[model.pairs[row.pair as usize].dofs.range()];
-    let (start, dim) = (row.jacobian as usize, row.dim as usize);
-    let columns = constraint.jacobian[start..start + dim * dofs.len()].chunks_exact(dim);
-    dofs.iter().map(|entry| entry.dof as usize).zip(columns)
-}
-
 /// Where a step along the search direction has led: lanes that
 #[derive(Clone, Copy, Debug)]
 pub struct Arrival<M> {
@@ -107,45 +45,20 @@ pub struct Arrival<M> {
     pub still: M,
 }
 
-/// Moves the lanes of `open` by the step along the search direction: acceleration, y, row forces, their generalised force
-/// Jᵀf, and the gradient M a - smooth force - Jᵀf.
-pub fn follow<L: LaneQuery>(
-    problem: &Problem<'_, L>,
-    open: u32,
-    code: &mut dyn Code<L>,
-    work: &mut SolverWork<L>,
-) -> Arrival<u32> {
-    let (constraint, lanes) = (problem.constraint, L::mask_of(open));
-    let SolverWork { fields, y, jp, force, line, .. } = work;
-    let step = line.step();
-    for row in constraint.apart() {
-        let y = &mut y.component[row.components()];
-        contact::follow(step, lanes, y, &jp.component[row.components()]);
-        cone::force(constraint.law(row), y, &mut force.component[row.components()]);
-    }
-    if constraint.between_trees {
-        pull_apart(problem, &force.component, &mut fields.pull);
-    }
-    contact::act_all(problem, lanes, code, work);
-    match code.solver(SolverPart::Gather, problem, &[], open, work) {
-        Some([converged, still]) => Arrival { converged, still },
-        None => {
-            let Arrival { converged, still } = gather(problem, lanes, work);
-            Arrival { converged: L::bits(converged), still: L::bits(still) }
-        }
-    }
-}
-
 /// Moves the acceleration and the rows on joints by the step in the lanes of `open`, sums the forces on joints and on touched
-/// links up to the dofs, and sets the gradient.
+/// links up to the dofs, beside those of contacts between trees, and sets the gradient.
 pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> Arrival<L::Mask> {
     let SolverWork { fields, y, jp, force, touched, line, .. } = work;
     contact::follow(line.step(), open, &mut y.dof, &jp.dof);
     of_joints(problem, &y.dof, &mut force.dof);
-    let Solver { qacc, ma, search, msearch, qfrc_constraint, gradient, pull, wrench, .. } = &mut *fields;
-    if !problem.constraint.between_trees {
-        pull.fill(L::zero());
-    }
+    let Solver { qacc, ma, search, msearch, qfrc_constraint, gradient, pull, multipliers, wrench, .. } = &mut *fields;
+    let between_trees = problem.constraint.between_trees;
+    let pull = if between_trees {
+        pull
+    } else {
+        multipliers.fill(L::zero());
+        multipliers
+    };
     joints::pull(problem.constraint, &force.dof, pull);
     climb(problem, touched, wrench, pull);
     let (step, curvature, mut sizes) = (line.step(), line.curvature(), [L::zero(); 4]);
@@ -155,6 +68,9 @@ pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Solve
         qfrc_constraint[i] = L::select(open, pull[i], qfrc_constraint[i]);
         sizes[i % 4] = qacc[i].mul_add(ma[i], sizes[i % 4]);
         gradient[i] = ma[i] - problem.acceleration.qfrc_smooth[i] - qfrc_constraint[i];
+    }
+    if between_trees {
+        pull.fill(L::zero());
     }
     let size = (sizes[0] + sizes[1]) + (sizes[2] + sizes[3]);
     let rounding = L::of(L::Real::EPSILON);
@@ -201,7 +117,10 @@ pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let constraint = problem.constraint;
     let SolverWork { fields, force, touched, .. } = work;
     let Solver { qfrc_constraint, wrench, .. } = fields;
-    pull_apart(problem, &force.component, qfrc_constraint);
+    qfrc_constraint.fill(L::zero());
+    for row in constraint.apart() {
+        contact::pull_apart(problem, row, &force.component[row.components()], qfrc_constraint);
+    }
     joints::pull(constraint, &force.dof, qfrc_constraint);
     for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
         let range = row.components();
@@ -212,19 +131,6 @@ pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
         }
     }
     climb(problem, touched, wrench, qfrc_constraint);
-}
-
-/// Jᵀf of contacts between trees.
-fn pull_apart<L: Lane>(problem: &Problem<'_, L>, force: &[L], qfrc_constraint: &mut [L]) {
-    let Problem { model, constraint, .. } = problem;
-    qfrc_constraint.fill(L::zero());
-    for row in constraint.apart() {
-        for (dof, column) in columns(model, constraint, row) {
-            for (f, j) in force[row.components()].iter().zip(column) {
-                qfrc_constraint[dof] = j.mul_add(*f, qfrc_constraint[dof]);
-            }
-        }
-    }
 }
 
 /// Passes the forces on touched links, and on all that they carry, on to the dofs.

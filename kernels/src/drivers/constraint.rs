@@ -1,0 +1,64 @@
+//! From contacts to the block's list of constraint rows.
+
+use crate::collision::{Collision, Contact};
+use crate::constraint::{Constraint, ContactRow, grow};
+use crate::lane::LaneQuery;
+use crate::model::{Model, Sides};
+use crate::part::{Executor, OneByOne, Op, Part, Parts, Step};
+
+/// Numbers of all rows on joints; lists the contacts that act in some world, closer than their margin, with their numbers.
+pub fn rows<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn Executor<L>) {
+    let mut act = [0];
+    executor.run(Part::new(Op::Joints), 0, &mut act, step);
+    step.ws.constraint.joint_lanes = act[0] & alive;
+    list(&step.model, &step.ws.collision, &mut step.ws.constraint);
+    if !step.ws.constraint.contact_rows.is_empty() {
+        OneByOne::run(executor, step, &mut measure);
+    }
+}
+
+/// Numbers of the listed contacts.
+fn measure(parts: &mut dyn Parts) {
+    const ALL: u32 = u32::MAX;
+    parts.each(Op::Measure, ALL, [ALL; 2]);
+    for row in 0..parts.rows().len() {
+        if parts.rows()[row].sides != Sides::One {
+            parts.row(Op::MeasureBoth, row, [ALL; 2]);
+        }
+    }
+}
+
+/// Lists the contacts that act in some world, and makes room for their numbers.
+fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
+    constraint.contact_rows.clear();
+    (constraint.cross, constraint.coupled) = (false, false);
+    constraint.contact_lanes = 0;
+    let (mut component, mut jacobian) = (0, 0);
+    for (contact, slot) in (0..).zip(&collision.slots) {
+        let pair = &model.pairs[slot.pair as usize];
+        if pair.rigid() {
+            continue;
+        }
+        let lanes = L::bits(Contact(&collision.found[slot.place as usize]).dist().lt(L::splat(pair.margin)));
+        if lanes == 0 {
+            continue;
+        }
+        let common = constraint.rows_of_pairs[slot.pair as usize];
+        constraint.contact_lanes |= lanes;
+        if common.sides != Sides::One {
+            constraint.coupled = true;
+            constraint.cross |= pair.cross;
+        }
+        let strength = constraint.contact_rows.len() as u32;
+        let row = ContactRow { contact, component, lanes, jacobian, strength, place: slot.place, ..common };
+        component += row.dim;
+        jacobian += row.dim * pair.dofs.len;
+        constraint.contact_rows.push(row);
+    }
+    let zero = L::zero();
+    constraint.components = component as usize;
+    grow(&mut constraint.strengths, constraint.contact_rows.len(), [zero; 7]);
+    grow(&mut constraint.reference, component as usize, zero);
+    grow(&mut constraint.motion, component as usize, [zero; 6]);
+    grow(&mut constraint.jacobian, jacobian as usize, zero);
+}

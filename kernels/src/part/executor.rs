@@ -1,0 +1,141 @@
+//! Who runs parts.
+
+use std::sync::Arc;
+
+use super::{Family, Item, Op, Part, Step};
+use crate::constraint::ContactRow;
+use crate::lane::LaneQuery;
+use crate::model::{Model, Quantities, Sides};
+
+/// Runs parts for a block: here by their kernels over lanes; whoever has code for some runs that, with the same results up to
+/// signs of zeros.
+pub trait Executor<L: LaneQuery> {
+    /// From now on these quantities vary from world to world, within the structure of `model`.
+    fn vary(&mut self, _model: &Arc<Model<L::Real>>, _: Quantities) {}
+
+    /// Whether bounding tests of pairs are to be run in [groups](crate::collision::groups), or pair by pair.
+    fn in_groups(&self) -> bool {
+        false
+    }
+
+    /// Runs a part for the block as a whole; masks as bits.
+    fn run(&mut self, part: Part, given: u32, returned: &mut [u32], step: &mut Step<'_, L>) {
+        part.run_lanes(&Item::Whole, given, returned, step);
+    }
+
+    /// Runs a part for items, one after the other.
+    fn each(&mut self, part: Part, items: &mut dyn Iterator<Item = Item<'_>>, given: u32, step: &mut Step<'_, L>) {
+        for item in items {
+            part.run_lanes(&item, given, &mut [], step);
+        }
+    }
+
+    /// Calls back with the parts of a solve made ready once, if that makes them faster.
+    fn solve(&mut self, _: &mut Step<'_, L>, _run: &mut dyn FnMut(&mut dyn Parts)) -> bool {
+        false
+    }
+}
+
+/// The parts of a solve. Masks are bits: those given, then the worlds for which it is wanted, if not for more.
+pub trait Parts {
+    /// The listed contacts.
+    fn rows(&self) -> &[ContactRow];
+    /// Runs a part for the block as a whole.
+    fn run(&mut self, part: Part, masks: [u32; 2]) -> [u32; 2];
+    /// Runs a part for the listed contacts that act in some world of `acting`: those between trees, then kind by kind.
+    fn each(&mut self, op: Op, acting: u32, masks: [u32; 2]);
+    /// Runs a part for a listed contact.
+    fn row(&mut self, op: Op, row: usize, masks: [u32; 2]);
+    /// Makes the factor's pattern fit for contacts that act in some world of `acting`; whether it is a filled one.
+    fn fill(&mut self, acting: u32) -> bool;
+}
+
+/// No code: kernels do everything.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernels;
+
+impl<L: LaneQuery> Executor<L> for Kernels {}
+
+/// The parts of a solve one by one.
+pub struct OneByOne<'a, 's, L: LaneQuery> {
+    executor: &'a mut dyn Executor<L>,
+    step: &'a mut Step<'s, L>,
+    rows: Vec<ContactRow>,
+    /// Worlds for which the pattern was found.
+    filled: Option<u32>,
+}
+
+impl<'a, 's, L: LaneQuery> OneByOne<'a, 's, L> {
+    /// Those of a step.
+    pub fn run(executor: &'a mut dyn Executor<L>, step: &'a mut Step<'s, L>, run: &mut dyn FnMut(&mut dyn Parts)) {
+        let rows = std::mem::take(&mut step.ws.constraint.contact_rows);
+        let mut parts = OneByOne { executor, step, rows, filled: None };
+        run(&mut parts);
+        parts.step.ws.constraint.contact_rows = parts.rows;
+    }
+}
+
+impl Op {
+    /// Whether contacts with such sides have the part.
+    pub fn applies(self, sides: Sides) -> bool {
+        !matches!(self, Op::Stiffen | Op::Measure) || sides == Sides::One
+    }
+}
+
+impl ContactRow {
+    /// The part of a contact.
+    #[inline(always)]
+    pub fn part(&self, op: Op) -> Part {
+        let class = match op.family() {
+            Family::Law => self.law,
+            Family::Links => self.links,
+            Family::Couple => self.couple,
+            _ => self.number,
+        };
+        Part::of(op, class)
+    }
+}
+
+impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
+    fn rows(&self) -> &[ContactRow] {
+        &self.rows
+    }
+
+    fn run(&mut self, part: Part, [given, _]: [u32; 2]) -> [u32; 2] {
+        let mut returned = [0; 2];
+        self.executor.run(part, given, &mut returned[..part.op.masks()[1]], self.step);
+        returned
+    }
+
+    fn each(&mut self, op: Op, acting: u32, [given, _]: [u32; 2]) {
+        let OneByOne { executor, step, rows, .. } = self;
+        let acting = rows.iter().filter(|row| row.lanes & acting != 0 && op.applies(row.sides));
+        for row in acting.clone().filter(|row| row.sides == Sides::Apart) {
+            executor.each(row.part(op), &mut std::iter::once(Item::Row(row)), given, step);
+        }
+        let family = |row: &ContactRow| row.part(op).of;
+        let classes = acting.clone().filter(|row| row.sides != Sides::Apart).map(family).max();
+        for class in 0..classes.map_or(0, |last| last + 1) {
+            let of_class = acting.clone().filter(|row| row.sides != Sides::Apart && family(row) == class);
+            executor.each(Part::of(op, class), &mut of_class.map(Item::Row), given, step);
+        }
+    }
+
+    fn row(&mut self, op: Op, row: usize, [given, _]: [u32; 2]) {
+        let row = self.rows[row];
+        self.executor.each(row.part(op), &mut std::iter::once(Item::Row(&row)), given, self.step);
+    }
+
+    fn fill(&mut self, acting: u32) -> bool {
+        let OneByOne { step, rows, filled, .. } = self;
+        let model = step.model.model;
+        let joins = |row: &&ContactRow| row.lanes & acting != 0 && model.pairs[row.pair as usize].cross;
+        if !rows.iter().any(|row| joins(&row)) {
+            return false;
+        }
+        if filled.replace(acting) != Some(acting) {
+            step.ws.solver.fill.find(model, rows.iter().filter(joins).map(|row| row.pair));
+        }
+        true
+    }
+}

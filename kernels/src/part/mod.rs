@@ -1,0 +1,331 @@
+//! The parts of a step: what runs between two *joints*, the places where a driver asks whether any world needs something.
+//!
+//! A part is declared once, in [`parts!`](self) below: its name, the stage that it belongs to, the masks that it takes and
+//! returns, the fields that it leaves for others, and the kernel that it is. Drivers say "run this part" to an [`Executor`];
+//! what runs it then, the kernel over lanes or code that was made from the same kernel, is not theirs to know. What a part
+//! reads is not declared: whoever records it sees it.
+
+mod executor;
+mod item;
+mod step;
+
+pub use executor::{Executor, Kernels, OneByOne, Parts};
+pub use item::{COLUMNS, Item, KIND_COLUMNS, Starts, WINDOWS, Window, stride};
+pub use step::{FieldSet, Lanes, Name, Step};
+
+use crate::collision::Collision;
+use crate::constraint::ContactRow;
+use crate::lane::{Lane, LaneQuery};
+use crate::model::{Model, Quantities, Quantity};
+use crate::solver::{Arrival, Problem, SolverWork, Trial, contact};
+use crate::stage::Stage;
+use crate::workspace::Workspace;
+use crate::{collision, constraint, energy, integration, smooth, solver};
+
+/// A part, and which of its kind: options as bits, or the number of a class of pairs or kind of contacts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Part {
+    /// What it does.
+    pub op: Op,
+    /// For which class, or with which options.
+    pub of: u32,
+}
+
+/// What tells the parts of an [`Op`] apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    /// Nothing: there are so many, by options.
+    Options(u32),
+    /// Groups of pairs whose bounding tests are run together.
+    Group,
+    /// Pairs by their shapes, and what moves ([`collision::Classes`]).
+    Shapes,
+    /// Contacts by the law of their numbers ([`constraint::Classes`]).
+    Law,
+    /// Contacts by the dofs of the links that they join, and the law of their numbers.
+    Links,
+    /// Contacts by the links that they join.
+    Couple,
+    /// Kinds of contacts ([`constraint::Classes`]).
+    Kind,
+}
+
+macro_rules! parts {
+    ($($(#[$doc:meta])* $op:ident: $name:literal, $stage:ident, $family:expr, $given:literal => $returned:literal,
+        shared $shared:expr, changes $changes:expr,
+        |$part:pat_param, $step:ident, $item:pat_param, $masks:pat_param| $kernel:expr;)*) => {
+        /// What a part does.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Op {
+            $($(#[$doc])* $op,)*
+        }
+
+        impl Op {
+            /// All.
+            pub const ALL: &[Op] = &[$(Op::$op),*];
+
+            /// Name.
+            pub fn name(self) -> &'static str {
+                match self { $(Op::$op => $name,)* }
+            }
+
+            /// The stage whose time it takes.
+            pub fn stage(self) -> Stage {
+                match self { $(Op::$op => Stage::$stage,)* }
+            }
+
+            /// What tells its parts apart.
+            pub fn family(self) -> Family {
+                match self { $(Op::$op => $family,)* }
+            }
+
+            /// Number of masks that it takes and returns; of [`Family::Group`] it returns one for each pair.
+            pub fn masks(self) -> [usize; 2] {
+                match self { $(Op::$op => [$given, $returned],)* }
+            }
+
+            /// Numbers that code for many elements shall read from arrays.
+            pub fn shared(self) -> Quantities {
+                match self { $(Op::$op => Quantities::of(&$shared),)* }
+            }
+
+            /// Fields that it leaves for others: names, or all of a stage. All else that it writes is scratch.
+            pub fn changes(self) -> &'static [&'static str] {
+                match self { $(Op::$op => &$changes,)* }
+            }
+        }
+
+        impl Part {
+            /// Runs the kernel.
+            #[allow(unused_variables)]
+            pub fn run<L: Lane>(
+                self,
+                item: &Item<'_>,
+                given: L::Mask,
+                returned: &mut dyn FnMut(L::Mask),
+                step: &mut Step<'_, L>,
+            ) {
+                match self.op {
+                    $(Op::$op => {
+                        let ($part, $step, $item, $masks) = (self, step, item, (given, returned));
+                        $kernel
+                    })*
+                }
+            }
+        }
+    };
+}
+
+const WHOLE: Family = Family::Options(1);
+const FLAG: Family = Family::Options(2);
+
+parts! {
+    /// [`smooth::smooth`]: with forces from outside (1), and for whoever reads what the stages leave (2).
+    Smooth: "smooth", Acceleration, Family::Options(4), 0 => 5, shared [], changes [],
+        |_, step, _, (_, put)| {
+            let Step { model, state, applied, ws, stages, clock } = step;
+            let runs = |stage: Stage| stages.has(stage) && stage.present(model.model);
+            let mut end = |stage| clock.iter_mut().for_each(|clock| clock.end(stage));
+            let found = smooth::smooth(*model, state, *applied, &runs, ws.smooth(), &mut end);
+            <[_; 5]>::from(found).into_iter().for_each(put);
+        };
+    /// [`energy::energy`].
+    Energy: "energy", Energy, WHOLE, 0 => 0, shared [], changes ["energy"],
+        |_, step, _, _| {
+            let Workspace { position, inertia, energy, .. } = &mut *step.ws;
+            energy::energy(step.model, position, inertia, &step.state.qpos, &step.state.qvel, energy);
+        };
+    /// [`collision::near_pairs`] of a group: where each of its pairs is near, and the gaps.
+    Near: "near", Collision, Family::Group, 0 => 0, shared [], changes ["collision.gaps"],
+        |part, step, _, (_, put)| {
+            let collision = &mut step.ws.collision;
+            let group = &collision.groups[part.of as usize];
+            collision::near_pairs(&step.model, &step.ws.position, group, put, &mut collision.colliders.gaps);
+        };
+    /// [`collision::narrow`]: contacts of a pair; of two capsules, those that are not parallel.
+    Narrow: "narrow", Collision, Family::Shapes, 1 => 0, shared [Quantity::Geom, Quantity::Include],
+        changes ["collision.found", "collision.parallel"],
+        |_, step, item, (worlds, _)| {
+            let Item::Near(near) = item else { return };
+            let Collision { found, parallel, .. } = &mut step.ws.collision;
+            let found = &mut found[near.first as usize..][..near.points as usize];
+            let alongside = collision::narrow(step.model, near.pair, worlds, &step.ws.position, found);
+            parallel[near.first as usize] = L::select(alongside, L::one(), L::zero());
+        };
+    /// [`collision::narrow_parallel`]: contacts of two capsules that may be parallel.
+    Parallel: "parallel", Collision, Family::Shapes, 1 => 0, shared [Quantity::Geom, Quantity::Include],
+        changes ["collision.found"],
+        |_, step, item, (worlds, _)| {
+            let Item::Near(near) = item else { return };
+            let found = &mut step.ws.collision.found[near.first as usize..][..near.points as usize];
+            collision::narrow_parallel(step.model, near.pair, worlds, &step.ws.position, found);
+        };
+    /// [`constraint::dof_lanes`]: rows on joints; where some act.
+    Joints: "joints", Constraint, WHOLE, 0 => 1, shared [], changes ["constraint.dof_lanes"],
+        |_, step, _, (_, put)| {
+            put(constraint::dof_lanes(step.model, &step.state.qpos, &step.state.qvel, &mut step.ws.constraint));
+        };
+    /// [`constraint::measure`]: numbers of the rows of a contact one side of which stands still.
+    Measure: "rows", Constraint, Family::Law, 0 => 0, shared [Quantity::Law],
+        changes ["constraint.strengths", "constraint.motion", "constraint.reference"],
+        |_, step, item, _| measure(step, item);
+    /// The same, and the Jacobian, of a contact both sides of which move.
+    MeasureBoth: "rows of both", Constraint, Family::Links, 0 => 0, shared [Quantity::Law],
+        changes ["constraint.strengths", "constraint.motion", "constraint.reference", "constraint.jacobian"],
+        |_, step, item, _| measure(step, item);
+    /// [`solver::depart`].
+    Depart: "solver.depart", Solver, WHOLE, 0 => 0, shared [],
+        changes ["solver.search", "solver.msearch", "solver.twist", "solver.cold_twist", "solver.line", "solver.jp.dof",
+            "solver.y.dof"],
+        |_, step, _, _| {
+            let (problem, warmstart, work) = step.solver();
+            solver::depart(&problem, warmstart, work);
+        };
+    /// [`solver::choose`]: where the warm start is taken.
+    Choose: "solver.choose", Solver, WHOLE, 0 => 1, shared [],
+        changes ["solver.qacc", "solver.ma", "solver.y.dof", "solver.line", "solver.search", "solver.msearch"],
+        |_, step, _, (_, put)| {
+            let (problem, _, work) = step.solver();
+            put(solver::choose(&problem, work));
+        };
+    /// [`solver::conjugate`], the first direction (1) or a later one.
+    Conjugate: "solver.conjugate", Solver, FLAG, 0 => 0, shared [],
+        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.last_gradient",
+            "solver.last_scaled"],
+        |part, step, _, _| {
+            let (problem, _, work) = step.solver();
+            solver::conjugate(&problem, part.of == 1, work);
+        };
+    /// [`solver::curve`], then [`solver::descend`]: where no contact is coupled.
+    Turn: "solver.turn", Solver, WHOLE, 0 => 0, shared [],
+        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.hessian",
+            "solver.inverse", "solver.stiffness"],
+        |_, step, _, _| {
+            let (problem, _, work) = step.solver();
+            solver::curve(&problem, work);
+            solver::descend(&problem, false, work);
+        };
+    /// [`solver::curve`].
+    Curve: "solver.curve", Solver, WHOLE, 0 => 0, shared [], changes ["solver.hessian", "solver.stiffness"],
+        |_, step, _, _| {
+            let (problem, _, work) = step.solver();
+            solver::curve(&problem, work);
+        };
+    /// [`solver::descend`], on the inertia matrix's pattern or on a filled one (1).
+    Descend: "solver.descend", Solver, FLAG, 0 => 0, shared [],
+        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.hessian",
+            "solver.inverse"],
+        |part, step, _, _| {
+            let (problem, _, work) = step.solver();
+            solver::descend(&problem, part.of == 1, work);
+        };
+    /// [`solver::polish`], likewise.
+    Polish: "solver.polish", Solver, FLAG, 1 => 0, shared [],
+        changes ["solver.qacc", "solver.ma", "solver.qfrc_constraint"],
+        |part, step, _, (open, _)| {
+            let (problem, _, work) = step.solver();
+            solver::polish(&problem, part.of == 1, open, work);
+        };
+    /// [`solver::probe`], of a full step (1) or of another: lanes that search on, and those whose end a full step is.
+    Probe: "solver.probe", Solver, FLAG, 1 => 2, shared [], changes ["solver.line"],
+        |part, step, _, (open, put)| {
+            let (problem, _, work) = step.solver();
+            let Trial { open, full } = solver::probe(&problem, part.of == 1, open, work);
+            [open, full].into_iter().for_each(put);
+        };
+    /// [`solver::gather`]: lanes that have converged, and those that stand still.
+    Gather: "solver.gather", Solver, WHOLE, 1 => 2, shared [],
+        changes ["solver.qfrc_constraint", "solver.gradient", "solver.qacc", "solver.ma", "solver.y.dof",
+            "solver.force.dof", "solver.wrench", "solver.pull"],
+        |_, step, _, (open, put)| {
+            let (problem, _, work) = step.solver();
+            let Arrival { converged, still } = solver::gather(&problem, open, work);
+            [converged, still].into_iter().for_each(put);
+        };
+    /// [`contact::survey_row`].
+    Survey: "contact.survey", Solver, Family::Kind, 0 => 0, shared [],
+        changes ["solver.jp.component", "solver.y.component", "solver.line"],
+        |_, step, item, _| row(step, item, |problem, row, work| contact::survey_row(problem, row, work));
+    /// [`contact::choose_row`].
+    Take: "contact.choose", Solver, Family::Kind, 1 => 0, shared [], changes ["solver.y.component"],
+        |_, step, item, (warm, _)| row(step, item, |_, row, work| contact::choose_row(warm, row, work));
+    /// [`contact::approach_row`].
+    Approach: "contact.approach", Solver, Family::Kind, 0 => 0, shared [], changes ["solver.jp.component", "solver.line"],
+        |_, step, item, _| row(step, item, |problem, row, work| contact::approach_row(problem, row, work));
+    /// [`contact::slope_row`].
+    Slope: "contact.slope", Solver, Family::Kind, 0 => 0, shared [], changes ["solver.line"],
+        |_, step, item, _| row(step, item, |problem, row, work| contact::slope_row(problem, row, work));
+    /// [`contact::act_row`].
+    Act: "contact.act", Solver, Family::Kind, 1 => 0, shared [],
+        changes ["solver.y.component", "solver.force.component", "solver.wrench", "solver.pull"],
+        |_, step, item, (open, _)| row(step, item, |problem, row, work| contact::act_row(problem, open, row, work));
+    /// [`contact::stiffen_row`], of a contact one side of which stands still.
+    Stiffen: "contact.stiffen", Solver, Family::Kind, 0 => 0, shared [], changes ["solver.stiffness"],
+        |_, step, item, _| row(step, item, |problem, row, work| contact::stiffen_row(problem, row, work));
+    /// [`solver::couple_row`], of a contact both sides of which move.
+    Couple: "contact.couple", Solver, Family::Couple, 0 => 0, shared [], changes ["solver.hessian"],
+        |_, step, item, _| row(step, item, |problem, row, work| solver::couple_row(problem, row, work));
+    /// [`integration::euler`] and [`integration::commit`]: worlds that take the next state.
+    Euler: "euler", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
+        changes ["state.qpos", "state.qvel", "state.qacc_warmstart", "state.time", "integration.qpos", "integration.qvel",
+            "integration.qacc"],
+        |_, step, _, (alive, put)| {
+            let Step { model, state, ws, .. } = step;
+            let Workspace { position, inertia, acceleration, solver, integration: next, .. } = &mut **ws;
+            let solver::Solver { qacc, qfrc_constraint, .. } = &solver.fields;
+            let forces = [&acceleration.qfrc_smooth[..], qfrc_constraint];
+            integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
+            put(integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state));
+        };
+}
+
+/// Runs a kernel for a contact.
+#[inline(always)]
+fn row<L: Lane>(
+    step: &mut Step<'_, L>,
+    item: &Item<'_>,
+    kernel: impl FnOnce(&Problem<'_, L>, &ContactRow, &mut SolverWork<L>),
+) {
+    if let Item::Row(row) = item {
+        let (problem, _, work) = step.solver();
+        kernel(&problem, row, work);
+    }
+}
+
+/// Numbers of a contact's rows.
+#[inline(always)]
+fn measure<L: Lane>(step: &mut Step<'_, L>, item: &Item) {
+    if let Item::Row(row) = item {
+        let Workspace { position, velocity, collision, constraint, .. } = &mut *step.ws;
+        let motion = constraint::Motion { position, velocity, qvel: &step.state.qvel };
+        let contact = collision::Contact(&collision.found[row.place as usize]);
+        constraint::measure(step.model, motion, contact, row, constraint);
+    }
+}
+
+impl Part {
+    /// A part without options.
+    pub const fn new(op: Op) -> Part {
+        Part { op, of: 0 }
+    }
+
+    /// That part of a class, or with options.
+    pub const fn of(op: Op, of: u32) -> Part {
+        Part { op, of }
+    }
+
+    /// Runs the kernel over lanes that can be asked: masks as bits.
+    pub fn run_lanes<L: LaneQuery>(self, item: &Item<'_>, given: u32, returned: &mut [u32], step: &mut Step<'_, L>) {
+        let mut places = returned.iter_mut();
+        let mut put = |mask: L::Mask| places.next().into_iter().for_each(|place| *place = L::bits(mask));
+        self.run(item, L::mask_of(given & item.worlds()), &mut put, step);
+    }
+
+    /// Fields that it leaves for others: names, or all of a stage.
+    pub fn changes<T>(self, model: &Model<T>) -> Vec<&'static str> {
+        match self.op {
+            Op::Smooth => smooth::changes(model, self.of & 2 != 0),
+            op => op.changes().to_vec(),
+        }
+    }
+}

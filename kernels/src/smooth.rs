@@ -1,0 +1,143 @@
+//! The stages that do without constraints, as one kernel: from positions to the smooth acceleration.
+
+use crate::acceleration::Acceleration;
+use crate::actuation::Actuation;
+use crate::collision::Colliders;
+use crate::inertia::Inertia;
+use crate::lane::{Lane, Mask};
+use crate::model::{Instance, Model};
+use crate::options;
+use crate::passive::Passive;
+use crate::position::Position;
+use crate::stage::Stage;
+use crate::state::{Applied, State};
+use crate::velocity::Velocity;
+use crate::{acceleration, actuation, collision, constraint, inertia, passive, position, velocity};
+
+/// The stages that do without constraints, borrowed from where they are.
+#[allow(missing_docs)] // each field is the stage of the same name
+pub struct Smooth<'a, L> {
+    pub position: &'a mut Position<L>,
+    pub inertia: &'a mut Inertia<L>,
+    pub velocity: &'a mut Velocity<L>,
+    pub passive: &'a mut Passive<L>,
+    pub actuation: &'a mut Actuation<L>,
+    pub acceleration: &'a mut Acceleration<L>,
+    pub colliders: &'a mut Colliders<L>,
+}
+
+impl<L> Smooth<'_, L> {
+    /// Borrowed for a shorter time.
+    pub fn borrow(&mut self) -> Smooth<'_, L> {
+        let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = self;
+        Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders }
+    }
+}
+
+/// What the smooth stages find, world by world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Findings<M> {
+    /// Controls are unusable.
+    pub bad_controls: M,
+    /// The inertia matrix is singular.
+    pub singular: M,
+    /// Bounding tests of pairs are due.
+    pub due: M,
+    /// Some row on a joint may act.
+    pub joint_rows: M,
+    /// The smooth acceleration is beyond what a solver can work with (see [`acceleration::wild`]): the world is lost.
+    pub wild: M,
+}
+
+impl<M> From<[M; 5]> for Findings<M> {
+    fn from([bad_controls, singular, due, joint_rows, wild]: [M; 5]) -> Self {
+        Findings { bad_controls, singular, due, joint_rows, wild }
+    }
+}
+
+impl<M> From<Findings<M>> for [M; 5] {
+    fn from(findings: Findings<M>) -> Self {
+        let Findings { bad_controls, singular, due, joint_rows, wild } = findings;
+        [bad_controls, singular, due, joint_rows, wild]
+    }
+}
+
+/// From positions to the smooth acceleration, how far geoms moved, and where rows on joints act: those of its stages for which
+/// `runs` holds. Calls `end` after each.
+pub fn smooth<L: Lane>(
+    model: Instance<'_, L>,
+    state: &State<L>,
+    applied: Option<&Applied<L>>,
+    runs: &dyn Fn(Stage) -> bool,
+    stages: Smooth<'_, L>,
+    end: &mut dyn FnMut(Stage),
+) -> Findings<L::Mask> {
+    let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
+    let mut findings = Findings::from([L::Mask::splat(false); 5]);
+    position::kinematics(model, &state.qpos, position);
+    end(Stage::Position);
+    if runs(Stage::Collision) {
+        findings.due = collision::way(&model, &state.qpos, position, colliders);
+        end(Stage::Collision);
+    }
+    if runs(Stage::Constraint) {
+        findings.joint_rows = constraint::joint_rows(&model, &state.qpos, &state.qvel);
+        end(Stage::Constraint);
+    }
+    if runs(Stage::Inertia) {
+        inertia::crb(model, position, inertia);
+        end(Stage::Inertia);
+    }
+    if runs(Stage::Velocity) {
+        velocity::rne(model, position, inertia, &state.qvel, velocity);
+        end(Stage::Velocity);
+    }
+    if runs(Stage::Passive) {
+        passive::passive(model, position, &state.qpos, &state.qvel, passive);
+        end(Stage::Passive);
+    }
+    if runs(Stage::Actuation) {
+        findings.bad_controls = actuation::actuation(model, state, passive, actuation);
+        end(Stage::Actuation);
+    }
+    if runs(Stage::Acceleration) {
+        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
+        findings.singular = acceleration::smooth_acceleration(model, position, inertia, acceleration);
+        if runs(Stage::Solver) {
+            findings.wild = acceleration::wild(&acceleration.qacc_smooth);
+        }
+        end(Stage::Acceleration);
+    }
+    findings
+}
+
+/// Fields that it leaves for others: all, or those that later parts of a step read.
+pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
+    let mut all = match keep {
+        true => vec!["position", "inertia", "velocity", "passive", "actuation", "acceleration"],
+        false => vec![
+            "position.origin",
+            "position.pos",
+            "position.rot",
+            "position.cdof",
+            "velocity.cvel",
+            if model.features.articulated { "inertia.link" } else { "inertia.m" },
+            "acceleration.qfrc_smooth",
+            "acceleration.qacc_smooth",
+            "acceleration.inverse",
+        ],
+    };
+    all.extend([
+        "collision.qpos",
+        "collision.origin",
+        "collision.way",
+        "collision.blur",
+        "collision.travel",
+        "collision.due",
+    ]);
+    // Newton's method has a factor of its own.
+    if model.options.solver != options::Solver::Newton || model.options.noslip_iterations > 0 {
+        all.push("acceleration.factor");
+    }
+    all
+}

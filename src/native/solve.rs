@@ -1,0 +1,213 @@
+//! The parts of a solve with their calls made ready: bound when they are first needed, and kept from solve to solve as long as
+//! the fields are the same and the code is.
+
+use std::sync::Arc;
+
+use lanesim_codegen::{Block, Float, Scratch, Session};
+use lanesim_kernels::constraint::{ContactRow, Kind};
+use lanesim_kernels::model::{Model as Tables, Sides};
+use lanesim_kernels::options;
+use lanesim_kernels::part::{Family, Op, Part, Parts, Step};
+
+use super::Fields;
+use super::library::{Coded, KIND_OPS, ModelCode};
+use super::patterns::{Found, Joined};
+use super::places::Places;
+
+/// What the type says that holds them: parts for which there is no code are not bound.
+const COMPILED: &str = "all parts have code";
+const BOUND: &str = "a call that was just bound";
+const LENT: &str = "parts of other pairs have to do with the same fields";
+
+/// The pattern of the factor at hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Factor {
+    /// A filled one, by its place.
+    Filled(usize),
+    /// The fullest.
+    Full,
+}
+
+/// The parts of a solve.
+pub struct Solve<'a, L: Block> {
+    root: &'a Arc<ModelCode<L::Float>>,
+    code: &'a Arc<ModelCode<L::Float>>,
+    places: &'a mut Places,
+    rows: &'a [ContactRow],
+    kinds: &'a [Kind],
+    found: &'a mut Found,
+    factor: Factor,
+    /// One that fits all listed contacts.
+    whole: Factor,
+    /// The worlds for whose contacts it was chosen, and whether some join; `None`: it was not yet.
+    chosen: Option<(u32, bool)>,
+    session: Session<'a, L::Float>,
+}
+
+impl<'a, L: Block> Solve<'a, L> {
+    /// Lends the fields; `None` unless all parts that the solve needs have code.
+    pub fn new(
+        (root, code): (&'a Arc<ModelCode<L::Float>>, &'a Arc<ModelCode<L::Float>>),
+        (scratch, places, found): (&'a mut Scratch, &'a mut Places, &'a mut Found),
+        step: &'a mut Step<'_, L>,
+    ) -> Option<Self> {
+        let constraint = &step.ws.constraint;
+        if step.model.options.solver == options::Solver::Pgs {
+            return None;
+        }
+        let session = code.solves(root)?;
+        let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some());
+        let of_pair = |row: &ContactRow| match row.sides {
+            Sides::One => true,
+            Sides::Two => coded(row, &PAIR_OPS),
+            Sides::Apart => coded(row, &PAIR_OPS) && coded(row, &KIND_OPS),
+        };
+        if constraint.coupled && !constraint.contact_rows.iter().all(of_pair) {
+            return None;
+        }
+        // Whatever of them acts later fits where all do.
+        let whole = pattern((root, code), found, &constraint.contact_rows, u32::MAX)?;
+        let common = &code.common;
+        let mut fields: Fields<'a, _, SESSION_FIELDS> = Fields::empty();
+        let (rows, kinds) = step.lend(session, &mut |field, _, lanes| fields.put(common, field, lanes));
+        let session = Session::new(scratch, code, &fields.all[..fields.len]);
+        Some(Solve { root, code, places, rows, kinds, found, factor: whole, whole, chosen: None, session })
+    }
+
+    /// Number of a call: that of the part, or one beyond those of all for a pattern.
+    #[inline(always)]
+    fn call(&self, part: Part) -> usize {
+        match (part, self.factor) {
+            (Part { op: op @ (Op::Descend | Op::Polish), of: 1 }, Factor::Filled(place)) => {
+                self.code.common.count() + 2 * place + usize::from(op == Op::Polish)
+            }
+            _ => self.code.common.number(part).expect(COMPILED),
+        }
+    }
+
+    /// Makes a part ready.
+    #[cold]
+    fn bind(&mut self, part: Part, call: usize) {
+        let Solve { root, code, session, .. } = self;
+        let all = code.common.count();
+        let pattern = call.checked_sub(all).map(|of_pattern| of_pattern / 2);
+        let coded: &Coded<_> = match pattern {
+            Some(place) => code.patterns.get(code, place, part),
+            None => code.get(root, part),
+        }
+        .expect(COMPILED);
+        let lent = code.solves(root).expect(COMPILED);
+        let fields = coded.sources.iter().map(|source| lent.place(source.field).expect(LENT));
+        if matches!(part.op.family(), Family::Options(_)) {
+            session.bind(call, &coded.fragment, fields);
+        } else {
+            session.bind_each(call, &coded.fragment, fields);
+        }
+    }
+}
+
+/// Parts of contacts both sides of which move.
+const PAIR_OPS: [Op; 1] = [Op::Couple];
+/// Most fields of a solve.
+const SESSION_FIELDS: usize = 64;
+
+/// Whether a contact that acts in some world of `acting` couples dofs that the inertia matrix does not.
+fn joins<T>(tables: &Tables<T>, row: &ContactRow, acting: u32) -> bool {
+    row.lanes & acting != 0 && tables.pairs[row.pair as usize].cross
+}
+
+/// A pattern with code that has room for the contacts that act in some world of `acting`.
+fn pattern<T: Float>(
+    (root, code): (&Arc<ModelCode<T>>, &Arc<ModelCode<T>>),
+    found: &mut Found,
+    rows: &[ContactRow],
+    acting: u32,
+) -> Option<Factor> {
+    let mut joining = rows.iter().filter(|row| joins(&code.tables, row, acting)).peekable();
+    if joining.peek().is_none() {
+        return Some(Factor::Full);
+    }
+    let mut joined = Joined::default();
+    if joining.all(|row| code.patterns.add(row.pair, &mut joined)) {
+        let place = found.find(&code.patterns, &code.tables, &joined);
+        if let Some(place) = place.filter(|place| code.patterns.is_coded(code, *place)) {
+            return Some(Factor::Filled(place));
+        }
+    }
+    let full = |op| code.get(root, Part::of(op, 1)).is_some();
+    [Op::Descend, Op::Polish].into_iter().all(full).then_some(Factor::Full)
+}
+
+/// Runs a bound part for windows, or binds it first.
+macro_rules! run_each {
+    ($self:ident, $part:expr, $masks:expr, $windows:expr) => {{
+        let (part, masks) = ($part, $masks);
+        let call = $self.call(part);
+        if $self.session.run_each(call, masks, $windows).is_none() {
+            $self.bind(part, call);
+            $self.session.run_each(call, masks, $windows).expect(BOUND);
+        }
+    }};
+}
+
+impl<L: Block> Parts for Solve<'_, L> {
+    fn rows(&self) -> &[ContactRow] {
+        self.rows
+    }
+
+    #[inline]
+    fn run(&mut self, part: Part, [given, lanes]: [u32; 2]) -> [u32; 2] {
+        let call = self.call(part);
+        match self.session.run(call, given, lanes) {
+            Some(masks) => masks,
+            None => {
+                self.bind(part, call);
+                self.session.run(call, given, lanes).expect(BOUND)
+            }
+        }
+    }
+
+    fn each(&mut self, op: Op, acting: u32, masks: [u32; 2]) {
+        for row in self.places.apart()..self.rows.len() {
+            let ContactRow { sides, lanes, .. } = self.rows[row];
+            if sides == Sides::Apart && lanes & acting != 0 && op.applies(sides) {
+                self.row(op, row, masks);
+            }
+        }
+        let whole = acting == u32::MAX;
+        if !whole {
+            self.places.narrow(acting);
+        }
+        for place in 0..self.places.present().len() {
+            let kind = self.places.present()[place];
+            let windows = if whole { self.places.all(kind) } else { self.places.active(kind) };
+            if windows.is_empty() || !op.applies(self.kinds[kind].sides) {
+                continue;
+            }
+            let part = Part::of(op, kind as u32);
+            let call = self.call(part);
+            if self.session.run_each(call, masks, windows).is_none() {
+                self.bind(part, call);
+                let windows = if whole { self.places.all(kind) } else { self.places.active(kind) };
+                self.session.run_each(call, masks, windows).expect(BOUND);
+            }
+        }
+    }
+
+    fn row(&mut self, op: Op, row: usize, masks: [u32; 2]) {
+        run_each!(self, self.rows[row].part(op), masks, self.places.single(row));
+    }
+
+    fn fill(&mut self, acting: u32) -> bool {
+        if let Some((known, filled)) = self.chosen {
+            if known == acting {
+                return filled;
+            }
+        }
+        let Solve { root, code, rows, found, factor, whole, .. } = self;
+        let filled = rows.iter().any(|row| joins(&code.tables, row, acting));
+        *factor = pattern((root, code), found, rows, acting).unwrap_or(*whole);
+        self.chosen = Some((acting, filled));
+        filled
+    }
+}
