@@ -134,9 +134,11 @@ fn in_company_as_alone(name: &str, model: &Model, usual: usize) {
     }
 }
 
+/// So many rounds, as it takes hundreds to meet a ball deep in the floor whose last step of single precision, on an edge of its
+/// friction, went by the factor of a later round where a neighbour needed one.
 #[test]
 fn a_world_far_away_leaves_contacts_alone() {
-    in_company_as_alone("ball", &parse(BALL), 60);
+    in_company_as_alone("ball", &parse(BALL), 800);
 }
 
 #[test]
