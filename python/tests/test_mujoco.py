@@ -122,7 +122,14 @@ def test_changes_after_loading_count() -> None:
             "<equality><connect name='e' body1='a' body2='b' anchor='0 0 0'/></equality>",
             'MjModel: connect "e": equality',
         ),
-        ("", "<tendon><fixed name='t'><joint joint='j' coef='1'/></fixed></tendon>", 'MjModel: fixed "t": tendons'),
+        *(
+            (
+                "",
+                f"<tendon><fixed name='t' {force}><joint joint='j' coef='1'/></fixed></tendon>",
+                'MjModel: fixed "t": tendons',
+            )
+            for force in ("stiffness='1'", "damping='1'", "frictionloss='1'", "armature='1'", "range='0 1'")
+        ),
         (
             "",
             "<actuator><motor site='s' gear='0 0 1 0 0 0'/></actuator>",
