@@ -143,7 +143,7 @@ def frozen(worlds):
     worlds.reset()
 
 bodies = "<body pos='0 0 1'><joint/><geom size='.1'/></body>"
-huge = "<mujoco><worldbody>" + 4000 * bodies + "</worldbody></mujoco>"
+huge = "<mujoco><worldbody>" + 2500 * bodies + "</worldbody></mujoco>"
 worlds = lanesim.Worlds(model, 64, threads=1)
 worlds.step(3)
 many = None
