@@ -220,7 +220,7 @@ impl Worlds {
     fn parameter<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let parameter = Parameter::named(name).map_err(|e| raise(py, e))?;
         let worlds = &self.acquire(py)?.state.worlds;
-        let mut all = Vec::with_capacity(worlds.nworld() * parameter.len(worlds.model()));
+        let mut all = room(py, worlds.nworld(), parameter.len(worlds.model()))?;
         for world in 0..worlds.nworld() {
             all.extend_from_slice(worlds.parameter(parameter, world).map_err(|e| raise(py, e))?);
         }
@@ -247,8 +247,13 @@ impl Worlds {
         let mut held = self.acquire(py)?;
         let State { worlds, reading: pace, .. } = &mut *held.state;
         let nworld = ids.as_ref().map_or(worlds.nworld(), Vec::len);
-        let mut lists: Vec<Vec<Vec<f64>>> =
-            targets.iter().map(|t| vec![Vec::new(); if t.is_none() { nworld } else { 0 }]).collect();
+        let mut lists: Vec<Vec<Vec<f64>>> = Vec::with_capacity(targets.len());
+        for target in &targets {
+            let count = if target.is_none() { nworld } else { 0 };
+            let mut list = room(py, count, 1)?;
+            list.resize(count, Vec::new());
+            lists.push(list);
+        }
         let rows = targets.iter_mut().zip(&mut lists).map(|(target, list)| match target {
             Some(target) => target.rows(),
             None => Ok(Rows::Lists(list)),
@@ -271,7 +276,7 @@ impl Worlds {
                 return Ok(None);
             }
             let integer = Output::named(name).is_ok_and(|output| output.is_integer());
-            Ok(Some(pad(py, list, integer)))
+            pad(py, list, integer).map(Some)
         });
         padded.collect()
     }
@@ -386,17 +391,30 @@ fn numbers_of(ids: Option<Ids<'_>>) -> PyResult<Option<Vec<usize>>> {
     ids.map(numbers).transpose()
 }
 
+/// An empty list with room for `rows` times `width` entries, or an exception if there is no memory for them.
+fn room<T>(py: Python<'_>, rows: usize, width: usize) -> PyResult<Vec<T>> {
+    let (mut list, count) = (Vec::new(), rows.checked_mul(width));
+    let refused = || Error::Memory { what: "the outputs", bytes: count.and_then(|n| n.checked_mul(size_of::<T>())) };
+    count.and_then(|n| list.try_reserve_exact(n).ok()).ok_or_else(|| raise(py, refused()))?;
+    Ok(list)
+}
+
 /// Rows of different lengths as one array.
-fn pad(py: Python<'_>, rows: Vec<Vec<f64>>, integer: bool) -> Padded<'_> {
-    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let mut out = Vec::with_capacity(longest * rows.len());
-    for row in &rows {
-        out.extend_from_slice(row);
-        out.resize(out.len() + longest - row.len(), 0.0);
+fn pad(py: Python<'_>, rows: Vec<Vec<f64>>, integer: bool) -> PyResult<Padded<'_>> {
+    fn filled<'py, T: numpy::Element + Copy + Default>(
+        py: Python<'py>,
+        rows: Vec<Vec<f64>>,
+        longest: usize,
+        cast: impl Fn(f64) -> T,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut out = room(py, rows.len(), longest)?;
+        for row in rows {
+            out.extend(row.iter().map(|x| cast(*x)));
+            out.resize(out.len() + longest - row.len(), T::default());
+        }
+        Ok(out.into_pyarray(py).into_any())
     }
-    let array = match integer {
-        true => out.into_iter().map(|x| x as i32).collect::<Vec<_>>().into_pyarray(py).into_any(),
-        false => out.into_pyarray(py).into_any(),
-    };
-    (longest, array)
+    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let array = if integer { filled(py, rows, longest, |x| x as i32) } else { filled(py, rows, longest, |x| x) };
+    Ok((longest, array?))
 }

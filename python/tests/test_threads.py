@@ -337,3 +337,40 @@ def test_memory_beyond_the_limit_is_refused_with_the_figures(ant) -> None:
         lanesim.Worlds(ant, 100_000, max_memory=1_000_000)
     with pytest.raises(ValueError, match="max_memory"):
         lanesim.Worlds(ant, 1, max_memory=0)
+
+
+SCARCE = """
+import resource, sys
+import lanesim, numpy as np
+
+model = lanesim.Model.from_xml_path(sys.argv[1])
+worlds = lanesim.Worlds(model, 20_000, threads=2)
+height = worlds.qpos.copy()
+height[:, 2] = 0.3
+worlds.qpos = height
+forced = lanesim.Worlds(model, 20_000, threads=2)
+forced.xfrc_applied = np.ones((model.nbody, 6))
+pages = int(open("/proc/self/statm").read().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (8 << 20), resource.RLIM_INFINITY))
+tries = {
+    "lists": lambda: worlds.get("efc_J"),
+    "forces": lambda: worlds.set("xfrc_applied", np.ones((model.nbody, 6))),
+    "chosen": lambda: forced.step(1, ids=slice(1, None)),
+    "saved": lambda: [forced.save_state() for _ in range(10)],
+}
+for what, work in tries.items():
+    try:
+        work()
+        print(what, "fine")
+    except MemoryError:
+        print(what, "refused")
+worlds.get("contact_dist", ids=[3, 5])
+"""
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident size is read from /proc")
+def test_scarce_memory_is_an_exception_and_not_the_end() -> None:
+    model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "ant.xml"
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", SCARCE, str(model)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[1::2] == ["refused"] * 4, done.stdout

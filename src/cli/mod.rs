@@ -250,7 +250,10 @@ mod tests {
 
     #[test]
     fn sizes_have_units() {
-        assert_eq!(["12", "3k", "500M", "8GB", "1g"].map(bytes), [12, 3_000, 500_000_000, 8_000_000_000, 1_000_000_000].map(Ok));
+        assert_eq!(
+            ["12", "3k", "500M", "8GB", "1g"].map(bytes),
+            [12, 3_000, 500_000_000, 8_000_000_000, 1_000_000_000].map(Ok)
+        );
         for bad in ["", "G", "-1", "0", "1X", "1GiB", "99999999999T", "1é"] {
             assert!(bytes(bad).is_err(), "{bad}");
         }

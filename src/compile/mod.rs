@@ -35,8 +35,8 @@ use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
 use crate::spec::{Source, Spec};
 use actuators::Actuators;
 use links::Links;
-pub(crate) use pairs::MINMU;
 use order::Scene;
+pub(crate) use pairs::MINMU;
 
 /// Compiles a model, or says everything that is wrong with it.
 ///
