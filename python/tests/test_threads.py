@@ -344,11 +344,11 @@ import resource, sys
 import lanesim, numpy as np
 
 model = lanesim.Model.from_xml_path(sys.argv[1])
-worlds = lanesim.Worlds(model, 20_000, threads=2)
+worlds = lanesim.Worlds(model, 60_000, threads=2)
 height = worlds.qpos.copy()
 height[:, 2] = 0.3
 worlds.qpos = height
-forced = lanesim.Worlds(model, 20_000, threads=2)
+forced = lanesim.Worlds(model, 60_000, threads=2)
 forced.xfrc_applied = np.ones((model.nbody, 6))
 pages = int(open("/proc/self/statm").read().split()[0])
 resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (8 << 20), resource.RLIM_INFINITY))
