@@ -21,6 +21,8 @@ use crate::watch::{Pace, abandonable, watched};
 
 /// Numbers beyond which copying them out may take long.
 const MANY: usize = 1_000_000;
+/// Numbers of parameters that are set in no time.
+const FEW: usize = 2_000;
 
 /// Numbers of worlds.
 type Ids<'py> = PyReadonlyArray1<'py, u64>;
@@ -213,7 +215,11 @@ impl Worlds {
         let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
         let mut held = self.acquire(py)?;
         let worlds = &mut held.state.worlds;
-        py.detach(|| worlds.set_parameters(parameter, &rows, mask)).map_err(|e| raise(py, e))
+        let cancel = AtomicBool::new(false);
+        let numbers = worlds.nworld().saturating_mul(parameter.len(worlds.model()));
+        let work = || worlds.set_parameters_until(parameter, &rows, mask, &cancel);
+        let result = if numbers < FEW { py.detach(work) } else { watched(py, &cancel, |_| Ok(()), work)? };
+        result.map_err(|e| raise(py, e))
     }
 
     /// A parameter of all worlds, row by row.

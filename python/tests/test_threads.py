@@ -146,7 +146,10 @@ bodies = "<body pos='0 0 1'><joint/><geom size='.1'/></body>"
 huge = "<mujoco><worldbody>" + 2500 * bodies + "</worldbody></mujoco>"
 worlds = lanesim.Worlds(model, 64, threads=1)
 worlds.step(3)
-many = None
+many = sets = None
+if what == "parameters":
+    sets = lanesim.Worlds(model, 100_000, "f32", threads=1)
+    sets.set("body_mass", model.body_mass, ids=[0])  # Which makes room for all.
 if what == "get":
     many = lanesim.Worlds(model, 400_000, "f32", threads=1)
 elif what == "frozen":
@@ -163,6 +166,8 @@ work = {
     "ids": lambda: worlds.step(200_000, ids=[3, 40]),
     "rollout": lambda: worlds.rollout(nstep=100_000, outputs=["ncon"]),
     "get": lambda: [many.get("subtree_com") for _ in range(100)],
+    "lists": lambda: [worlds.get("efc_J", ids=[k % 64]) for k in range(10**6)],
+    "parameters": lambda: sets.set("body_mass", np.tile(model.body_mass, (100_000, 1))),
     "compile": lambda: [lanesim.Model.from_xml_string(huge) for _ in range(100)],
 }[what]
 threading.Timer(0.3, interrupt).start()
@@ -175,7 +180,7 @@ os._exit(0)
 """
 
 
-@pytest.mark.parametrize("what", ["frozen", "some frozen", "ids", "rollout", "get", "compile"])
+@pytest.mark.parametrize("what", ["frozen", "some frozen", "ids", "rollout", "get", "lists", "parameters", "compile"])
 def test_ctrl_c_is_heard_at_once(what, humanoid) -> None:
     """Whatever ran before: the pace of worlds that are frozen, and passed over, says nothing of the next run."""
     model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "humanoid27.xml"
