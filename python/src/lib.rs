@@ -28,6 +28,9 @@ mod _lanesim {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         // NumPy's interface is found now: later, a signal that comes while it is looked for would be a panic.
         numpy::PyArray1::<f64>::zeros(module.py(), 0, false).readonly();
+        // What a process makes once is made before any thread could be at it while the process is forked.
+        lanesim::prepare_to_fork();
+        super::worlds::Choice::learn(module.py())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("STATUS", super::worlds::status_bits())?;
         let parameters = lanesim::Parameter::ALL.map(|(parameter, name)| (name, parameter.meaning()));

@@ -12,6 +12,7 @@ use lanesim_kernels::state::Status;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
+use pyo3::types::PyDict;
 
 use crate::arrays::{Numbers, Target};
 use crate::failure::{self, raise};
@@ -65,6 +66,18 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// Reads one, for which its words are made, once in a process.
+    pub fn learn(py: Python<'_>) -> PyResult<()> {
+        let words = PyDict::new(py);
+        for word in ["precision", "backend", "on_diverge"] {
+            words.set_item(word, "")?;
+        }
+        for word in ["threads", "pin", "max_memory", "max_contacts"] {
+            words.set_item(word, false)?; // Which is an integer, too.
+        }
+        words.extract::<Choice>().map(drop)
+    }
+
     fn options(&self) -> Options {
         Options {
             precision: if self.precision == "f32" { Precision::F32 } else { Precision::F64 },
