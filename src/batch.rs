@@ -48,6 +48,8 @@ pub(crate) trait Engine: Send {
     fn reset(&mut self, world: usize, key: &Key);
     fn reset_all(&mut self, mask: Option<&[bool]>, key: &Key);
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>);
+    /// An error if `field` is a force from outside and there is no memory for that of so many worlds.
+    fn ask_for_forces(&self, field: Field, nworld: usize) -> Result<(), Error>;
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>, cancel: Option<&AtomicBool>);
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
     /// Does `work` on an engine that has only these worlds, in this order, and puts them back where they were.
@@ -529,6 +531,13 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         let kept = &mut self.store.kept[world / L::WIDTH];
         kept.status.set_lane(world % L::WIDTH, status);
         kept.firsts.retain(|first| first.lane != world % L::WIDTH);
+    }
+
+    fn ask_for_forces(&self, field: Field, nworld: usize) -> Result<(), Error> {
+        match field {
+            Field::QfrcApplied | Field::XfrcApplied => self.store.ask_for_forces(&self.crew.tables.sizes, nworld),
+            _ => Ok(()),
+        }
     }
 
     fn write_all(&mut self, field: Field, rows: &Strided<'_>, mask: Option<&[bool]>) {

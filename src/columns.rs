@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::memory;
 use crate::outputs::Output;
 use crate::rows::Rows;
+use crate::subset::Reading;
 use crate::worlds::Worlds;
 
 const WHAT: &str = "the outputs";
@@ -13,6 +14,11 @@ const OVERHEAD: usize = 16;
 /// Lists grow on the threads of workers, for whose sake the allocator takes address space in pieces of this size and becomes
 /// very slow when there is none.
 const SLACK: usize = 128 << 20;
+/// Numbers for which nobody is asked: so few make no difference.
+const FEW: usize = 1 << 20;
+/// Most contacts of a pair of geoms, and most rows of a contact.
+const MOST_OF_A_PAIR: usize = 8;
+const MOST_ROWS: usize = 10;
 
 /// An output of all worlds.
 pub(crate) enum Column {
@@ -56,7 +62,7 @@ impl Worlds {
     /// The same, output by output.
     pub(crate) fn columns(&mut self, outputs: &[Output]) -> Result<Vec<Column>, Error> {
         let mut columns = outputs.iter().map(|output| self.column(output)).collect::<Result<Vec<_>, _>>()?;
-        self.ask_for_lists(outputs)?;
+        self.ask_for_lists(outputs, None)?;
         self.engine.read_all(outputs, columns.iter_mut().map(Column::rows).collect(), None);
         Ok(columns)
     }
@@ -77,9 +83,9 @@ impl Worlds {
     }
 
     /// An error if there is no memory for the lists of those of `outputs` that differ in length between worlds: as many numbers as
-    /// the worlds have contacts and rows.
-    fn ask_for_lists(&mut self, outputs: &[Output]) -> Result<(), Error> {
-        let nworld = self.nworld();
+    /// the worlds, or the chosen ones, have contacts and rows.
+    pub(crate) fn ask_for_lists(&mut self, outputs: &[Output], ids: Option<&[usize]>) -> Result<(), Error> {
+        let nworld = ids.map_or(self.nworld(), <[usize]>::len);
         let ragged = outputs.iter().filter(|output| output.width(self.model()).is_none());
         let (contacts, rows): (Vec<&Output>, Vec<&Output>) = ragged.partition(|o| o.name().starts_with("contact"));
         if contacts.is_empty() && rows.is_empty() {
@@ -88,10 +94,17 @@ impl Worlds {
         let width =
             |outputs: &[&Output]| outputs.iter().map(|o| o.shape(self.model()).1.iter().product::<usize>()).sum();
         let (per_contact, per_row): (usize, usize) = (width(&contacts), width(&rows));
+        let sizes = &self.model().tables().sizes;
+        let most = self.options().max_contacts.min(MOST_OF_A_PAIR * sizes.npair);
+        let numbers = most * per_contact + (most * MOST_ROWS + sizes.nv + 2 * sizes.njnt) * per_row;
+        if nworld.saturating_mul(numbers) <= FEW {
+            return Ok(());
+        }
         let lists = nworld * (contacts.len() + rows.len()) * (size_of::<Vec<f64>>() + OVERHEAD);
         let limit = self.options().max_memory;
         let mut counts = [memory::zeros(WHAT, &[nworld], limit)?, memory::zeros(WHAT, &[nworld], limit)?];
-        self.read_all(&["ncon", "nefc"], counts.iter_mut().map(|c| Rows::F64(c)).collect())?;
+        let rows = counts.iter_mut().map(|c| Rows::F64(c)).collect();
+        self.read(&Reading { names: &["ncon", "nefc"], ids, cancel: None }, rows)?;
         let [ncon, nefc] = counts.map(|c| c.iter().sum::<f64>() as usize);
         let numbers = ncon * per_contact + nefc * per_row;
         let total = numbers.checked_mul(size_of::<f64>()).and_then(|n| n.checked_add(lists));

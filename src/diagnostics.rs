@@ -44,6 +44,9 @@ impl fmt::Display for Diagnostic {
 pub struct Diagnostics(pub Vec<Diagnostic>);
 
 impl Diagnostics {
+    /// Most problems that are listed.
+    pub(crate) const MOST: usize = 50;
+
     /// Adds a problem.
     pub fn push(
         &mut self,
@@ -62,7 +65,18 @@ impl Diagnostics {
 
     /// `Ok` if there is no problem.
     pub fn into_result(self) -> Result<(), Diagnostics> {
-        if self.0.is_empty() { Ok(()) } else { Err(self) }
+        if self.0.is_empty() { Ok(()) } else { Err(self.first()) }
+    }
+
+    /// The first problems; if there are many more, the rest are counted.
+    pub(crate) fn first(mut self) -> Diagnostics {
+        // One more may already be the sentence that counts the rest.
+        if self.0.len() > Self::MOST + 1 {
+            let message = format!("{} more problems are not listed", self.0.len() - Self::MOST);
+            self.0.truncate(Self::MOST);
+            self.push(&Source::default(), "", message, "mend these first");
+        }
+        self
     }
 }
 
@@ -79,3 +93,18 @@ impl fmt::Display for Diagnostics {
 }
 
 impl std::error::Error for Diagnostics {}
+
+/// A name in quotes, safe to print.
+pub(crate) fn quoted(name: &str) -> String {
+    format!("\"{}\"", shorten(name))
+}
+
+/// The first characters of a text that may be long or hold control characters, for messages.
+pub(crate) fn shorten(text: &str) -> String {
+    const MOST: usize = 40;
+    let mut out: String = text.chars().take(MOST).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if text.chars().nth(MOST).is_some() {
+        out.push('…');
+    }
+    out
+}

@@ -42,7 +42,7 @@ pub use status::{OnDiverge, StatusEvent};
 pub use subset::Reading;
 pub use worlds::{Backend, CodePart, Field, Options, Precision, Running, Worlds};
 
-pub use lanesim_codegen::{InstructionSet, Statistics as CodeStatistics};
+pub use lanesim_codegen::{InstructionSet, Statistics as CodeStatistics, prepare as prepare_to_fork};
 
 /// The Rust in the README is tested as documentation is.
 #[cfg(doctest)]

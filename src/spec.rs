@@ -19,6 +19,17 @@ pub struct Source {
     pub line: u32,
 }
 
+impl Source {
+    /// A sentence after the place that it is about.
+    pub(crate) fn placed(&self, sentence: &str) -> String {
+        match (&self.file, self.line) {
+            (Some(file), line) => format!("{file}:{line}: {sentence}"),
+            (None, 0) => sentence.to_owned(),
+            (None, line) => format!("line {line}: {sentence}"),
+        }
+    }
+}
+
 /// `true`, `false` or decided by what else is given (MJCF `auto`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tri {
@@ -168,6 +179,8 @@ pub struct Body {
     pub geoms: Vec<Geom>,
     /// Sites, in order.
     pub sites: Vec<Site>,
+    /// The first geom with mass that a lenient load left out, if any: for messages.
+    pub lost_mass: Option<String>,
     /// Where it was written.
     pub source: Source,
 }
@@ -186,6 +199,7 @@ impl Default for Body {
             joints: Vec::new(),
             geoms: Vec::new(),
             sites: Vec::new(),
+            lost_mass: None,
             source: Source::default(),
         }
     }

@@ -12,6 +12,9 @@ use crate::memory;
 use crate::status::First;
 use crate::worlds::Field;
 
+/// What the allocator keeps beside each piece, at most.
+const OVERHEAD: usize = 64;
+
 /// All blocks of a batch.
 pub(crate) struct Store<L> {
     /// States; a block's fields in the order of their declaration.
@@ -54,6 +57,17 @@ impl<L: LaneQuery> Store<L> {
     /// Bytes of a block without forces from outside.
     pub fn block_bytes(sizes: &Sizes) -> usize {
         state_len::<L>(sizes) * size_of::<L>() + size_of::<Kept<L>>()
+    }
+
+    /// An error if there is no memory for the forces from outside of so many worlds more, each of which may be in another block.
+    pub fn ask_for_forces(&self, sizes: &Sizes, nworld: usize) -> Result<(), Error> {
+        let without = self.kept.iter().filter(|kept| kept.applied.is_none()).count();
+        memory::ask("the worlds' forces", &[without.min(nworld), Self::applied_bytes(sizes)])
+    }
+
+    /// Bytes of the forces on a block from outside, with what the allocator adds.
+    fn applied_bytes(sizes: &Sizes) -> usize {
+        (sizes.nv + 6 * sizes.nbody) * size_of::<L>() + size_of::<Applied<L>>() + 3 * OVERHEAD
     }
 
     /// From now on these quantities of `model` vary, beside those that do already; every world has the model's own.
@@ -170,7 +184,12 @@ impl<L: LaneQuery> Store<L> {
     /// Some of the worlds, copied to a store of their own in the order of `ids`, of which there must be one.
     pub fn gather(&self, sizes: &Sizes, ids: &[usize]) -> Result<Self, Error> {
         let count = ids.len().div_ceil(L::WIDTH);
-        memory::ask("the chosen worlds", &[count, Self::block_bytes(sizes)])?;
+        let any = |has: fn(&Kept<L>) -> bool| self.kept.iter().find(|kept| has(kept));
+        let applied = any(|kept| kept.applied.is_some()).map_or(0, |_| Self::applied_bytes(sizes));
+        let varied = any(|kept| kept.varied.is_some())
+            .and_then(|kept| kept.varied.as_deref())
+            .map_or(0, |varied| varied.bytes() + size_of::<Varied<L>>());
+        memory::ask("the chosen worlds", &[count, Self::block_bytes(sizes) + applied + varied])?;
         let mut part =
             Store { states: vec![L::zero(); count * self.len], kept: Vec::with_capacity(count), len: self.len };
         for (b, ids) in ids.chunks(L::WIDTH).enumerate() {

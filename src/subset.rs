@@ -77,11 +77,18 @@ impl Worlds {
 
     /// Writes outputs of present states to the caller's arrays, `[worlds, width]` each, as [`read_all`](Worlds::read_all)
     /// does, of all worlds or of some.
+    ///
+    /// # Errors
+    ///
+    /// If arrays do not fit, there is no such world, or no memory for lists.
     pub fn read(&mut self, reading: &Reading<'_>, rows: Vec<Rows<'_>>) -> Result<(), Error> {
         let Reading { names, ids, cancel } = *reading;
         let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>()?;
         let nworld = self.count(ids)?;
         self.check_rows(&outputs, &rows, (nworld, 1))?;
+        if rows.iter().any(|rows| matches!(rows, Rows::Lists(_))) {
+            self.ask_for_lists(&outputs, ids)?;
+        }
         let mut rows = Some(rows);
         if outputs.is_empty() {
             let status = [Output::named("status")?];
@@ -98,6 +105,7 @@ impl Worlds {
     pub fn write_at(&mut self, ids: &[usize], field: Field, rows: &Strided<'_>) -> Result<(), Error> {
         let (nworld, width) = (self.count(Some(ids))?, field.len(&self.model));
         check_fit(field.name(), rows, nworld, width)?;
+        self.engine.ask_for_forces(field, nworld)?;
         let mut row = vec![0.0; width];
         for (i, world) in ids.iter().enumerate() {
             rows.row(i, width, |k, x| row[k] = x);

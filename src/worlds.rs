@@ -424,6 +424,7 @@ impl Worlds {
         let width = field.len(&self.model);
         mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
         check_fit(field.name(), rows, self.nworld(), width)?;
+        self.engine.ask_for_forces(field, self.nworld())?;
         self.engine.write_all(field, rows, mask);
         Ok(())
     }

@@ -134,9 +134,11 @@ fn in_company_as_alone(name: &str, model: &Model, usual: usize) {
     }
 }
 
+/// So many rounds, as it takes hundreds to meet a ball deep in the floor whose last step of single precision, on an edge of its
+/// friction, went by the factor of a later round where a neighbour needed one.
 #[test]
 fn a_world_far_away_leaves_contacts_alone() {
-    in_company_as_alone("ball", &parse(BALL), 60);
+    in_company_as_alone("ball", &parse(BALL), 800);
 }
 
 #[test]
@@ -167,24 +169,26 @@ fn limbs_in_any_company() {
 /// A neighbour at 1e15 m made worlds fall through the floor, those of other blocks of the worker too.
 #[test]
 fn neighbour_kills_contacts() {
-    for text in [BALL, BALLS] {
-        let model = parse(text);
-        for backend in [Backend::Wide, Backend::Native] {
+    // From higher up: the gap must be one that is told apart from a way of 1e15 m.
+    for text in [BALL, BALLS].map(|text| text.replace("0 0 .3", "0 0 1")) {
+        let model = parse(&text);
+        for (backend, nworld) in [(Backend::Wide, 2), (Backend::Wide, 16), (Backend::Native, 2), (Backend::Native, 16)]
+        {
             let run = |far: Option<f64>| {
-                let mut worlds = Worlds::new(&model, 16, &options(Precision::F64, backend)).expect("a batch");
+                let mut worlds = Worlds::new(&model, nworld, &options(Precision::F64, backend)).expect("a batch");
                 worlds.step(1).expect("a step");
                 if let Some(far) = far {
-                    let mut qpos = worlds.get(Field::Qpos, 3).expect("a field");
+                    let mut qpos = worlds.get(Field::Qpos, 1).expect("a field");
                     qpos[0] = far;
-                    worlds.set(Field::Qpos, 3, &qpos).expect("a state");
+                    worlds.set(Field::Qpos, 1, &qpos).expect("a state");
                 }
-                worlds.step(400).expect("steps");
-                [0, 8].map(|world| worlds.get(Field::Qpos, world).expect("a field"))
+                worlds.step(600).expect("steps");
+                [0, nworld / 4 * 2].map(|world| worlds.get(Field::Qpos, world).expect("a field"))
             };
             let clean = run(None);
             assert!((clean[0][2] - 0.1).abs() < 1e-2, "the ball lies on the floor: {:?}", clean[0]);
             for far in [1e6, 1e9, 1e10, 1e13, 1e15, 1e16, 1e300] {
-                assert_eq!(run(Some(far)), clean, "a neighbour at {far:e} with {backend:?}");
+                assert_eq!(run(Some(far)), clean, "a neighbour at {far:e} of {nworld} with {backend:?}");
             }
         }
     }

@@ -3,9 +3,11 @@
 
 mod support;
 
+use std::sync::atomic::AtomicBool;
+
 use lanesim::outputs::Output;
 use lanesim::rows::{Strided, Values};
-use lanesim::{Backend, Controls, Field, InstructionSet, Model, Options, Parameter, Precision, Rollout, Worlds};
+use lanesim::{Backend, Controls, Error, Field, InstructionSet, Model, Options, Parameter, Precision, Rollout, Worlds};
 use support::{Random, fails, load, load_with, parse};
 
 /// Different sets of numbers; larger batches repeat them.
@@ -474,4 +476,15 @@ fn models_of_the_zoo_can_vary() {
         let qpos = worlds.get_all(Field::Qpos);
         assert!(qpos.chunks(qpos.len() / 20).skip(1).all(|row| row != &qpos[..qpos.len() / 20]), "{name}");
     }
+}
+
+#[test]
+fn setting_parameters_stops_when_it_is_told_to() {
+    let model = Model::from_xml_path("models/zoo/ant.xml".as_ref(), &Default::default()).expect("a model");
+    let mut worlds = Worlds::new(&model, 3, &Options::default()).expect("a batch");
+    let numbers = [0.0, 0.0, -1.62];
+    let rows = Strided::new(Values::F64(&numbers), 3);
+    let result = worlds.set_parameters_until(Parameter::Gravity, &rows, None, &AtomicBool::new(true));
+    assert!(matches!(result, Err(Error::Cancelled)), "{result:?}");
+    assert_eq!(worlds.parameter(Parameter::Gravity, 0).expect("gravity"), [0.0, 0.0, -9.81]);
 }

@@ -61,7 +61,7 @@ impl Case {
         scenes().into_iter().flat_map(variants).collect()
     }
 
-    /// The model with a solver's settings, and other options.
+    /// The model with a solver's settings, but for those of the other options.
     fn model(&self, solver: &Solver, others: &[(&str, &str)]) -> Model {
         let mut overrides = vec![
             ("solver", solver.name),
@@ -69,6 +69,7 @@ impl Case {
             ("tolerance", solver.tolerance),
             ("ls_tolerance", "1e-6"),
         ];
+        overrides.retain(|(name, _)| others.iter().all(|(other, _)| name != other));
         overrides.extend(others);
         let overrides = overrides.iter().map(|(k, v)| ((*k).to_string(), (*v).to_string())).collect();
         let options = LoadOptions { overrides, ..LoadOptions::default() };

@@ -105,3 +105,10 @@ pub use recorder::{Recorder, RecorderMask};
 pub use recording::{FieldKind, FieldUse, Program, Recording};
 pub use schedule::Order;
 pub use statistics::Statistics;
+
+/// Makes the tables of the encoder, which every process has once: whoever will fork does so first, lest another thread be at it
+/// during the fork, and the new process wait for that thread for ever.
+pub fn prepare() {
+    #[cfg(all(target_arch = "x86_64", unix))]
+    drop(iced_x86::Encoder::new(64));
+}

@@ -293,12 +293,21 @@ class _Writer:
         if m.ntendon:
             tendons = root.add("tendon")
             for t in range(m.ntendon):
-                tendons.add("fixed", name=self.name("tendon", t) or f"tendon {t}")
+                force = any(_any(m, f"tendon_{what}", t) for what in ("stiffness", "damping"))
+                tendons.add(
+                    "fixed",
+                    name=self.name("tendon", t) or f"tendon {t}",
+                    # One that has a force of its own is refused, whatever the force.
+                    stiffness=float(force or m.tendon_frictionloss[t] != 0 or m.tendon_armature[t] != 0),
+                    limited=bool(m.tendon_limited[t]),
+                    actuatorfrclimited=bool(m.tendon_actfrclimited[t]),
+                )
         if m.neq:
             equalities = root.add("equality")
             for e in range(m.neq):
                 kind = int(m.eq_type[e])
-                equalities.add(EQUALITIES[min(kind, 4)], name=m.equality(e).name or f"equality {e}")
+                active = None if m.eq_active0[e] else False
+                equalities.add(EQUALITIES[min(kind, 4)], name=m.equality(e).name or f"equality {e}", active=active)
         if m.nsensor:
             sensors = root.add("sensor")
             for s in range(m.nsensor):
@@ -338,6 +347,8 @@ def _series(linear: float, rest: NDArray[np.float64]) -> list[float]:
 def differences(m: Any, model: Any) -> Iterator[str]:
     """Arrays of a lanesim model that are not those of the MjModel it was made from."""
     for name, size in model.sizes().items():
+        if name.startswith("nsensor"):  # No motion depends on sensors, which are a note.
+            continue
         if getattr(m, name, size) != size:
             yield f"{name} would be {size} instead of {getattr(m, name)}"
     for name in model.array_names:

@@ -10,6 +10,7 @@ mod model;
 mod watch;
 mod worlds;
 
+use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 
 /// The compiled half of lanesim. Use the package `lanesim`.
@@ -21,10 +22,15 @@ mod _lanesim {
     use super::model::Model;
     #[pymodule_export]
     use super::worlds::{Pool, Worlds};
-    use super::{Bound, PyModule, PyModuleMethods, PyResult};
+    use super::{Bound, PyArrayMethods, PyModule, PyModuleMethods, PyResult};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        // NumPy's interface is found now: later, a signal that comes while it is looked for would be a panic.
+        numpy::PyArray1::<f64>::zeros(module.py(), 0, false).readonly();
+        // What a process makes once is made before any thread could be at it while the process is forked.
+        lanesim::prepare_to_fork();
+        super::worlds::Choice::learn(module.py())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("STATUS", super::worlds::status_bits())?;
         let parameters = lanesim::Parameter::ALL.map(|(parameter, name)| (name, parameter.meaning()));

@@ -12,6 +12,7 @@ use lanesim_kernels::state::Status;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
+use pyo3::types::PyDict;
 
 use crate::arrays::{Numbers, Target};
 use crate::failure::{self, raise};
@@ -21,6 +22,8 @@ use crate::watch::{Pace, abandonable, watched};
 
 /// Numbers beyond which copying them out may take long.
 const MANY: usize = 1_000_000;
+/// Numbers of parameters that are set in no time.
+const FEW: usize = 2_000;
 
 /// Numbers of worlds.
 type Ids<'py> = PyReadonlyArray1<'py, u64>;
@@ -63,6 +66,18 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// Reads one, for which its words are made, once in a process.
+    pub fn learn(py: Python<'_>) -> PyResult<()> {
+        let words = PyDict::new(py);
+        for word in ["precision", "backend", "on_diverge"] {
+            words.set_item(word, "")?;
+        }
+        for word in ["threads", "pin", "max_memory", "max_contacts"] {
+            words.set_item(word, false)?; // Which is an integer, too.
+        }
+        words.extract::<Choice>().map(drop)
+    }
+
     fn options(&self) -> Options {
         Options {
             precision: if self.precision == "f32" { Precision::F32 } else { Precision::F64 },
@@ -213,14 +228,18 @@ impl Worlds {
         let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
         let mut held = self.acquire(py)?;
         let worlds = &mut held.state.worlds;
-        py.detach(|| worlds.set_parameters(parameter, &rows, mask)).map_err(|e| raise(py, e))
+        let cancel = AtomicBool::new(false);
+        let numbers = worlds.nworld().saturating_mul(parameter.len(worlds.model()));
+        let work = || worlds.set_parameters_until(parameter, &rows, mask, &cancel);
+        let result = if numbers < FEW { py.detach(work) } else { watched(py, &cancel, |_| Ok(()), work)? };
+        result.map_err(|e| raise(py, e))
     }
 
     /// A parameter of all worlds, row by row.
     fn parameter<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let parameter = Parameter::named(name).map_err(|e| raise(py, e))?;
         let worlds = &self.acquire(py)?.state.worlds;
-        let mut all = Vec::with_capacity(worlds.nworld() * parameter.len(worlds.model()));
+        let mut all = room(py, worlds.nworld(), parameter.len(worlds.model()))?;
         for world in 0..worlds.nworld() {
             all.extend_from_slice(worlds.parameter(parameter, world).map_err(|e| raise(py, e))?);
         }
@@ -247,8 +266,13 @@ impl Worlds {
         let mut held = self.acquire(py)?;
         let State { worlds, reading: pace, .. } = &mut *held.state;
         let nworld = ids.as_ref().map_or(worlds.nworld(), Vec::len);
-        let mut lists: Vec<Vec<Vec<f64>>> =
-            targets.iter().map(|t| vec![Vec::new(); if t.is_none() { nworld } else { 0 }]).collect();
+        let mut lists: Vec<Vec<Vec<f64>>> = Vec::with_capacity(targets.len());
+        for target in &targets {
+            let count = if target.is_none() { nworld } else { 0 };
+            let mut list = room(py, count, 1)?;
+            list.resize(count, Vec::new());
+            lists.push(list);
+        }
         let rows = targets.iter_mut().zip(&mut lists).map(|(target, list)| match target {
             Some(target) => target.rows(),
             None => Ok(Rows::Lists(list)),
@@ -271,7 +295,7 @@ impl Worlds {
                 return Ok(None);
             }
             let integer = Output::named(name).is_ok_and(|output| output.is_integer());
-            Ok(Some(pad(py, list, integer)))
+            pad(py, list, integer).map(Some)
         });
         padded.collect()
     }
@@ -386,17 +410,30 @@ fn numbers_of(ids: Option<Ids<'_>>) -> PyResult<Option<Vec<usize>>> {
     ids.map(numbers).transpose()
 }
 
+/// An empty list with room for `rows` times `width` entries, or an exception if there is no memory for them.
+fn room<T>(py: Python<'_>, rows: usize, width: usize) -> PyResult<Vec<T>> {
+    let (mut list, count) = (Vec::new(), rows.checked_mul(width));
+    let refused = || Error::Memory { what: "the outputs", bytes: count.and_then(|n| n.checked_mul(size_of::<T>())) };
+    count.and_then(|n| list.try_reserve_exact(n).ok()).ok_or_else(|| raise(py, refused()))?;
+    Ok(list)
+}
+
 /// Rows of different lengths as one array.
-fn pad(py: Python<'_>, rows: Vec<Vec<f64>>, integer: bool) -> Padded<'_> {
-    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let mut out = Vec::with_capacity(longest * rows.len());
-    for row in &rows {
-        out.extend_from_slice(row);
-        out.resize(out.len() + longest - row.len(), 0.0);
+fn pad(py: Python<'_>, rows: Vec<Vec<f64>>, integer: bool) -> PyResult<Padded<'_>> {
+    fn filled<'py, T: numpy::Element + Copy + Default>(
+        py: Python<'py>,
+        rows: Vec<Vec<f64>>,
+        longest: usize,
+        cast: impl Fn(f64) -> T,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut out = room(py, rows.len(), longest)?;
+        for row in rows {
+            out.extend(row.iter().map(|x| cast(*x)));
+            out.resize(out.len() + longest - row.len(), T::default());
+        }
+        Ok(out.into_pyarray(py).into_any())
     }
-    let array = match integer {
-        true => out.into_iter().map(|x| x as i32).collect::<Vec<_>>().into_pyarray(py).into_any(),
-        false => out.into_pyarray(py).into_any(),
-    };
-    (longest, array)
+    let longest = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let array = if integer { filled(py, rows, longest, |x| x as i32) } else { filled(py, rows, longest, |x| x) };
+    Ok((longest, array?))
 }

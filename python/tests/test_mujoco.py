@@ -122,7 +122,14 @@ def test_changes_after_loading_count() -> None:
             "<equality><connect name='e' body1='a' body2='b' anchor='0 0 0'/></equality>",
             'MjModel: connect "e": equality',
         ),
-        ("", "<tendon><fixed name='t'><joint joint='j' coef='1'/></fixed></tendon>", 'MjModel: fixed "t": tendons'),
+        *(
+            (
+                "",
+                f"<tendon><fixed name='t' {force}><joint joint='j' coef='1'/></fixed></tendon>",
+                'MjModel: fixed "t": tendons',
+            )
+            for force in ("stiffness='1'", "damping='1'", "frictionloss='1'", "armature='1'", "range='0 1'")
+        ),
         (
             "",
             "<actuator><motor site='s' gear='0 0 1 0 0 0'/></actuator>",
@@ -252,3 +259,12 @@ def test_unknown_names_come_with_the_nearest(pendulum, call, text) -> None:
     with pytest.raises((ValueError, AttributeError), match=text) as caught:
         call(pendulum)
     assert len(str(caught.value)) < 200 or "valid:" in str(caught.value)
+
+
+def test_an_mjmodel_with_sensors_is_taken_over_with_a_note() -> None:
+    xml = """<mujoco><worldbody><body><joint name='j'/><geom size='.1' pos='1 0 0'/></body></worldbody>
+    <sensor><jointpos joint='j'/><jointvel joint='j'/></sensor></mujoco>"""
+    exact = mujoco.MjModel.from_xml_string(xml)
+    model = lanesim.Model.from_mjmodel(exact)
+    assert model.nsensordata == 0 and any("sensor" in note for note in model.report().notes)
+    same(exact, model)

@@ -171,7 +171,7 @@ def test_errors_say_what_is_wrong(ant) -> None:
     with pytest.raises(lanesim.UnknownNameError, match="there is no field body_color; .*gravity, dof_damping"):
         worlds.set("body_color", 1.0)
     with pytest.raises(
-        lanesim.UnknownNameError, match="body_ipos cannot differ .* would be stale.*; what can: gravity"
+        lanesim.UnknownNameError, match="body_ipos cannot differ .* would be stale.*; did you mean .body_mass."
     ):
         worlds.set("body_ipos", ant.body_ipos)
     with pytest.raises(lanesim.InputError, match=r"`dof_damping` has shape \[4, 3\]; expected \[nworld=4, nv=14\]"):

@@ -143,10 +143,13 @@ def frozen(worlds):
     worlds.reset()
 
 bodies = "<body pos='0 0 1'><joint/><geom size='.1'/></body>"
-huge = "<mujoco><worldbody>" + 4000 * bodies + "</worldbody></mujoco>"
+huge = "<mujoco><worldbody>" + 2500 * bodies + "</worldbody></mujoco>"
 worlds = lanesim.Worlds(model, 64, threads=1)
 worlds.step(3)
-many = None
+many = sets = None
+if what == "parameters":
+    sets = lanesim.Worlds(model, 100_000, "f32", threads=1)
+    sets.set("body_mass", model.body_mass, ids=[0])  # Which makes room for all.
 if what == "get":
     many = lanesim.Worlds(model, 400_000, "f32", threads=1)
 elif what == "frozen":
@@ -163,6 +166,8 @@ work = {
     "ids": lambda: worlds.step(200_000, ids=[3, 40]),
     "rollout": lambda: worlds.rollout(nstep=100_000, outputs=["ncon"]),
     "get": lambda: [many.get("subtree_com") for _ in range(100)],
+    "lists": lambda: [worlds.get("efc_J", ids=[k % 64]) for k in range(10**6)],
+    "parameters": lambda: sets.set("body_mass", np.tile(model.body_mass, (100_000, 1))),
     "compile": lambda: [lanesim.Model.from_xml_string(huge) for _ in range(100)],
 }[what]
 threading.Timer(0.3, interrupt).start()
@@ -175,7 +180,7 @@ os._exit(0)
 """
 
 
-@pytest.mark.parametrize("what", ["frozen", "some frozen", "ids", "rollout", "get", "compile"])
+@pytest.mark.parametrize("what", ["frozen", "some frozen", "ids", "rollout", "get", "lists", "parameters", "compile"])
 def test_ctrl_c_is_heard_at_once(what, humanoid) -> None:
     """Whatever ran before: the pace of worlds that are frozen, and passed over, says nothing of the next run."""
     model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "humanoid27.xml"
@@ -337,3 +342,40 @@ def test_memory_beyond_the_limit_is_refused_with_the_figures(ant) -> None:
         lanesim.Worlds(ant, 100_000, max_memory=1_000_000)
     with pytest.raises(ValueError, match="max_memory"):
         lanesim.Worlds(ant, 1, max_memory=0)
+
+
+SCARCE = """
+import resource, sys
+import lanesim, numpy as np
+
+model = lanesim.Model.from_xml_path(sys.argv[1])
+worlds = lanesim.Worlds(model, 60_000, threads=2)
+height = worlds.qpos.copy()
+height[:, 2] = 0.3
+worlds.qpos = height
+forced = lanesim.Worlds(model, 60_000, threads=2)
+forced.xfrc_applied = np.ones((model.nbody, 6))
+pages = int(open("/proc/self/statm").read().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (8 << 20), resource.RLIM_INFINITY))
+tries = {
+    "lists": lambda: worlds.get("efc_J"),
+    "forces": lambda: worlds.set("xfrc_applied", np.ones((model.nbody, 6))),
+    "chosen": lambda: forced.step(1, ids=slice(1, None)),
+    "saved": lambda: [forced.save_state() for _ in range(10)],
+}
+for what, work in tries.items():
+    try:
+        work()
+        print(what, "fine")
+    except MemoryError:
+        print(what, "refused")
+worlds.get("contact_dist", ids=[3, 5])
+"""
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident size is read from /proc")
+def test_scarce_memory_is_an_exception_and_not_the_end() -> None:
+    model = pathlib.Path(__file__).resolve().parents[2] / "models" / "zoo" / "ant.xml"
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", SCARCE, str(model)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[1::2] == ["refused"] * 4, done.stdout

@@ -60,7 +60,12 @@ impl<R: Read + Seek> Inputs<R> {
 
     /// A file error about one array.
     pub fn error(&self, name: &str, message: &str) -> Failure {
-        Failure::file(&self.path, format!("array `{name}` {message}"))
+        const SHOWN: usize = 60;
+        let mut shown: String = name.chars().take(SHOWN).map(|c| if c.is_control() { ' ' } else { c }).collect();
+        if name.chars().nth(SHOWN).is_some() {
+            shown.push('…');
+        }
+        Failure::file(&self.path, format!("array `{shown}` {message}"))
     }
 
     fn wrong_shape(&self, name: &str, shape: &[usize], expected: &[Dim]) -> Failure {

@@ -19,14 +19,19 @@ pub struct Destination {
 }
 
 impl Destination {
-    /// The file, if it can be written.
-    pub fn check(&self) -> Result<&Path, Failure> {
+    /// The file, if it can be written and is none of those that are read.
+    pub fn check<'a>(&self, inputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<&Path, Failure> {
         if let Some(names) = self.files.iter().find_map(|file| names_of_outputs(file)) {
             return Err(Failure::Usage(format!("--output {names} would be a file; did you mean --outputs {names}?")));
         }
         let [file] = &*self.files else {
             return Err(Failure::Usage("--output is given twice; results go to one file".into()));
         };
+        let same = |input: &&PathBuf| matches!((file.canonicalize(), input.canonicalize()), (Ok(a), Ok(b)) if a == b);
+        if let Some(input) = inputs.into_iter().find(same) {
+            let (file, input) = (file.display(), input.display());
+            return Err(Failure::Usage(format!("--output {file} would replace the input {input}; give another name")));
+        }
         npz::check_writable(file).map_err(|e| Failure::file(file, e))?;
         Ok(file)
     }
@@ -53,7 +58,8 @@ mod tests {
     use super::*;
 
     fn message(files: &[&str]) -> String {
-        match (Destination { files: files.iter().map(PathBuf::from).collect() }).check() {
+        let inputs = [PathBuf::from("Cargo.toml")];
+        match (Destination { files: files.iter().map(PathBuf::from).collect() }).check(&inputs) {
             Err(Failure::Usage(message) | Failure::Input(message)) => message,
             Err(_) => "another failure".into(),
             Ok(_) => "none".into(),
@@ -68,5 +74,13 @@ mod tests {
         assert_eq!(message(&["a.npz", "b.npz"]), "--output is given twice; results go to one file");
         assert!(message(&["no/such/folder/qpos"]).contains("no/such/folder"));
         assert!(message(&["/"]).contains("not a regular file"));
+    }
+
+    #[test]
+    fn an_input_is_never_replaced() {
+        let words = |file: &str| format!("--output {file} would replace the input Cargo.toml; give another name");
+        for file in ["Cargo.toml", "src/../Cargo.toml"] {
+            assert_eq!(message(&[file]), words(file));
+        }
     }
 }

@@ -43,8 +43,9 @@ pub fn load(args: &ModelArgs) -> Result<Loaded, Failure> {
 /// Reads and compiles the model with further options.
 pub fn load_with(args: &ModelArgs, more: &[(&str, &str)]) -> Result<Loaded, Failure> {
     let start = Instant::now();
+    let given = args.options.iter().filter(|(name, _)| more.iter().all(|(other, _)| other != name)).cloned();
     let more = more.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
-    let overrides = args.options.iter().cloned().chain(more).collect();
+    let overrides = given.chain(more).collect();
     let spec = mjcf::load(&args.model, &LoadOptions { lenient: args.lenient, overrides })?;
     let model = Model::from_spec(&spec)?;
     Ok(Loaded { model, seconds: start.elapsed().as_secs_f64() })
@@ -134,6 +135,9 @@ pub fn keyframe(model: &Model, text: &str) -> Result<usize, Failure> {
         return Ok(key);
     }
     let n = model.keys().len();
+    if n == 0 {
+        return Err(Failure::Usage(format!("--keyframe {text}: the model has no keyframes; leave it out")));
+    }
     match text.parse() {
         Ok(key) if key < n => Ok(key),
         Ok(_) => Err(Failure::Usage(format!("--keyframe {text}: the model has {n} keyframes, counted from 0"))),

@@ -98,7 +98,7 @@ impl Eval {
     /// Checks everything, then computes, then writes.
     pub fn run(self) -> Result<(), Failure> {
         let fields = engine::unique(&self.outputs)?;
-        self.output.check()?;
+        self.output.check([&self.model.model, &self.input])?;
         let Loaded { model, .. } = engine::load(&self.model)?;
         output::losses(&model);
         let key = self.start.find(&model)?;

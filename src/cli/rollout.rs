@@ -70,7 +70,8 @@ impl Rollout {
     /// Checks everything, then runs, then writes.
     pub fn run(self) -> Result<(), Failure> {
         let outputs = engine::outputs(&self.outputs)?;
-        self.output.check()?;
+        let inputs = [Some(&self.model.model), self.controls.as_ref(), self.states.as_ref()];
+        self.output.check(inputs.into_iter().flatten())?;
         let Loaded { model, .. } = engine::load(&self.model)?;
         output::losses(&model);
         let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();

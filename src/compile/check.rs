@@ -3,13 +3,16 @@
 use std::collections::HashSet;
 
 use super::names::{self, label};
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{
     Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Pair, Shape, Source, Spec, Transmission, Tri,
     is_limited,
 };
 use crate::suggest::did_you_mean;
 use crate::unbuilt::unbuilt;
+
+/// Most numbers of all keyframes together.
+const MOST_KEY_NUMBERS: usize = 10_000_000;
 
 /// One element under examination.
 pub(super) struct Element<'a> {
@@ -369,7 +372,7 @@ fn check_contact(spec: &Spec, diagnostics: &mut Diagnostics) {
             if name.is_empty() {
                 element.refuse(format!("{attribute} is missing"), "name a body");
             } else if !bodies.contains(name.as_str()) {
-                let message = format!("{attribute} names an unknown body \"{name}\"");
+                let message = format!("{attribute} names an unknown body {}", quoted(name));
                 element.unknown(message, name, spec.bodies.iter().map(|b| b.name.as_str()));
             }
         }
@@ -382,12 +385,12 @@ fn check_pair(pair: &Pair, index: usize, geoms: &HashSet<&str>, spec: &Spec, dia
         if name.is_empty() {
             element.refuse(format!("{attribute} is missing"), "name a geom");
         } else if !geoms.contains(name.as_str()) {
-            let message = format!("{attribute} names an unknown geom \"{name}\"");
+            let message = format!("{attribute} names an unknown geom {}", quoted(name));
             element.unknown(message, name, spec.bodies.iter().flat_map(|b| &b.geoms).map(|g| g.name.as_str()));
         }
     }
     if pair.geom1 == pair.geom2 && !pair.geom1.is_empty() {
-        element.refuse(format!("geom \"{}\" is paired with itself", pair.geom1), "name two geoms");
+        element.refuse(format!("geom {} is paired with itself", quoted(&pair.geom1)), "name two geoms");
     }
     element.condim(pair.condim);
     element.not_negative("friction", &pair.friction);
@@ -409,7 +412,7 @@ fn check_actuators(spec: &Spec, diagnostics: &mut Diagnostics) {
         if target.is_empty() {
             element.refuse("acts on nothing", "name a joint");
         } else if joint.is_none() {
-            let message = format!("acts on an unknown joint \"{target}\"");
+            let message = format!("acts on an unknown joint {}", quoted(target));
             element.unknown(message, target, joints().map(|j| j.name.as_str()));
         }
         check_actuator(actuator, joint, spec.compiler.autolimits, &mut element);
@@ -433,7 +436,7 @@ fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element
             if !matches!(joint.kind, JointKind::Hinge | JointKind::Slide) {
                 element.refuse("inheritrange needs a hinge or slide joint", "give ctrlrange");
             } else if joint.range.is_none_or(|[lo, hi]| lo == hi) {
-                let message = format!("inheritrange, but joint \"{}\" has no range", joint.name);
+                let message = format!("inheritrange, but joint {} has no range", quoted(&joint.name));
                 element.refuse(message, "give the joint a range");
             }
         }
@@ -445,8 +448,16 @@ fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element
 
 fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
     let kinds = || spec.bodies.iter().flat_map(|body| &body.joints).map(|joint| joint.kind);
-    let (nq, nv) = (kinds().map(qpos_count).sum(), kinds().map(dof_count).sum());
+    let (nq, nv): (usize, usize) = (kinds().map(qpos_count).sum(), kinds().map(dof_count).sum());
     let nmocap = spec.bodies.iter().filter(|b| b.mocap).count();
+    // Every keyframe is kept in full, however little of it is written.
+    let each = nq + nv + spec.actuators.len() + 7 * nmocap;
+    let most = MOST_KEY_NUMBERS / each.max(1);
+    if let Some(key) = spec.keys.get(most) {
+        let message = format!("{} keyframes of {each} numbers each are more than can be kept", spec.keys.len());
+        let mut element = Element { label: label("key", &key.name, most), source: &key.source, diagnostics };
+        return element.refuse(message, format!("give at most {most}"));
+    }
     for (i, key) in spec.keys.iter().enumerate() {
         let label = label("key", &key.name, i);
         let mut element = Element { label, source: &key.source, diagnostics };

@@ -19,7 +19,10 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     let mut refuse = |source: &Source, label: String, field: Option<&str>| {
         if let Some(field) = field.filter(|_| diagnostics.0.len() < MOST) {
             let message = format!("{} leaves the range of numbers (of single precision, too)", field.replace('_', " "));
-            diagnostics.push(source, label, message, "use numbers of more usual size");
+            // Many entries of a table may be about one element.
+            if !diagnostics.0.iter().any(|known| known.element == label && known.message == message) {
+                diagnostics.push(source, label, message, "use numbers of more usual size");
+            }
         }
     };
     let body = |i: usize| (&scene.bodies[i].spec.source, label("body", &scene.bodies[i].spec.name, i));
@@ -69,6 +72,11 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     let world = || (&scene.bodies[0].spec.source, "model".to_string());
     at(world(), (!tables.mean_inertia.representable()).then_some("mean inertia"));
     at(world(), (!tables.potential_still.representable()).then_some("potential energy of what stands still"));
+    for (name, x) in [("timestep", tables.options.timestep), ("impratio", tables.options.impratio)] {
+        let place = spec.place("option", name);
+        // Steps divide by them.
+        at((&place, "option".to_string()), (!(x as f32).is_normal()).then_some(name));
+    }
     let gravity = spec.place("option", "gravity");
     at((&gravity, "option".to_string()), (!tables.gravity.representable()).then_some("gravity"));
 }

@@ -57,11 +57,11 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let mut diagnostics = Diagnostics::default();
     let mut notes = spec.notes.clone();
     if !check::check(spec, &mut diagnostics) {
-        return Err(diagnostics);
+        return Err(diagnostics.first());
     }
     let scene = Scene::new(spec, &mut diagnostics, &mut notes);
     if !diagnostics.0.is_empty() {
-        return Err(diagnostics);
+        return Err(diagnostics.first());
     }
     report::compile_notes(spec, &scene, &mut notes);
 

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{Source, Spec};
 
 /// An element as messages call it: `geom "floor"`, or `geom #3` without a name.
 pub(crate) fn label(kind: &str, name: &str, index: usize) -> String {
-    if name.is_empty() { format!("{kind} #{index}") } else { format!("{kind} \"{name}\"") }
+    if name.is_empty() { format!("{kind} #{index}") } else { format!("{kind} {}", quoted(name)) }
 }
 
 /// Refuses two elements of one kind and one name.
@@ -34,7 +34,11 @@ fn unique<'a>(kind: &str, elements: impl Iterator<Item = (&'a String, &'a Source
                 seen.insert(name, source);
             }
             Some(first) => {
-                let place = if first.line > 0 { format!(", first used in line {}", first.line) } else { String::new() };
+                let place = match &first.file {
+                    Some(file) if source.file != first.file => format!(", first used in {file}:{}", first.line),
+                    _ if first.line > 0 => format!(", first used in line {}", first.line),
+                    _ => String::new(),
+                };
                 diagnostics.push(source, label(kind, name, i), format!("repeated name{place}"), "rename one of them");
             }
         }

@@ -255,10 +255,11 @@ fn rescale(spec: &Spec, drafts: &mut [Draft]) {
 /// Refuses bodies that move without mass, neither their own nor that of bodies fixed to them, and infinite ones.
 fn check_moving(drafts: &[Draft], diagnostics: &mut Diagnostics) {
     let mut heavy: Vec<bool> = drafts.iter().map(|d| d.mass.can_move()).collect();
-    for i in (1..drafts.len()).rev() {
-        if heavy[i] && drafts[i].spec.joints.is_empty() {
-            heavy[drafts[i].parent] = true;
-        }
+    let mut lost: Vec<Option<&str>> = drafts.iter().map(|d| d.spec.lost_mass.as_deref()).collect();
+    for i in (1..drafts.len()).rev().filter(|&i| drafts[i].spec.joints.is_empty()) {
+        let parent = drafts[i].parent;
+        heavy[parent] |= heavy[i];
+        lost[parent] = lost[parent].or(lost[i]);
     }
     for (i, draft) in drafts.iter().enumerate().skip(1) {
         let label = || label("body", &draft.spec.name, draft.index);
@@ -268,13 +269,10 @@ fn check_moving(drafts: &[Draft], diagnostics: &mut Diagnostics) {
                 diagnostics.push(&draft.spec.source, label(), "mass or inertia overflows", "use smaller sizes");
             }
         } else if !draft.spec.joints.is_empty() && !heavy[i] && !draft.flawed {
-            let message = "moves, but has no mass or no inertia";
-            diagnostics.push(
-                &draft.spec.source,
-                label(),
-                message,
-                "add inertial or a geom with mass, or set boundmass and boundinertia",
-            );
+            let why = lost[i].map_or(String::new(), |geom| format!(": what has it was left out ({geom})"));
+            let message = format!("moves, but has no mass or no inertia{why}");
+            let remedy = "add inertial or a geom with mass, or set boundmass and boundinertia";
+            diagnostics.push(&draft.spec.source, label(), message, remedy);
         }
     }
 }

@@ -269,7 +269,7 @@ impl Builder<'_> {
         raw.read(&mut Reader::new(element, self.report));
         let name = element.get("name").unwrap_or_default().to_string();
         if let Some(what) = raw.missing() {
-            self.leave_out(element, &raw, what, scope.held);
+            self.leave_out(element, &raw, what, scope);
             self.lost_geoms.insert(name);
         } else if let Some(mut geom) = raw.finish(element, self.angles, self.report) {
             geom.name = name;
@@ -281,9 +281,9 @@ impl Builder<'_> {
     }
 
     /// Leaves out a geom whose shape is not built: with a note if nothing depends on it, else as a loss or problem.
-    fn leave_out(&mut self, element: &Element, raw: &RawGeom, what: &'static str, held: Held) {
+    fn leave_out(&mut self, element: &Element, raw: &RawGeom, what: &'static str, scope: Scope) {
         let named = element.get("name").is_some_and(|name| self.pairs.mention(name));
-        let (touches, weighs) = (raw.touches() || named, raw.weighs(self.compiler, held));
+        let (touches, weighs) = (raw.touches() || named, raw.weighs(self.compiler, scope.held));
         if !touches && !weighs {
             let place = || super::report::placed(&element.source, &element.label(), "the first");
             self.decorations.entry(what).or_insert_with(|| (0, place())).0 += 1;
@@ -295,6 +295,10 @@ impl Builder<'_> {
             _ => "with its mass",
         };
         self.report.unsupported_with(element, what, with);
+        if weighs {
+            let name = || element.source.placed(&element.label());
+            self.bodies[scope.body].lost_mass.get_or_insert_with(name);
+        }
     }
 
     fn site(&mut self, element: &Element, scope: Scope) {

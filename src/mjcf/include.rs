@@ -104,7 +104,12 @@ impl Loader<'_> {
         let text = match text {
             Ok(text) => text,
             Err(message) => {
-                report.error(element, format!("file {}: {message}", quoted(&name)), INCLUDE_PATHS);
+                let near = match self.files {
+                    Files::Disk { .. } => neighbour(&path),
+                    Files::Memory(_) | Files::Recorded(_) => String::new(),
+                };
+                let remedy = format!("{near}{INCLUDE_PATHS}");
+                report.error(element, format!("file {}: {message}", quoted(&name)), remedy);
                 return Ok(None);
             }
         };
@@ -136,6 +141,21 @@ fn find(name: &str, folder: &Path, including: Option<&str>) -> PathBuf {
     let places =
         names.iter().flat_map(|name| [Some(folder), beside].into_iter().flatten().map(move |at| at.join(name)));
     places.into_iter().find(|path| path.exists()).unwrap_or_else(|| folder.join(slashes.as_str()))
+}
+
+/// The file beside one that is missing that was probably meant.
+fn neighbour(path: &Path) -> String {
+    const MOST: usize = 1000;
+    let (Some(folder), Some(name)) = (path.parent().filter(|_| !path.exists()), path.file_name()) else {
+        return String::new();
+    };
+    let files = std::fs::read_dir(folder).into_iter().flatten().take(MOST).flatten();
+    let mut names: Vec<String> = files.filter_map(|file| file.file_name().into_string().ok()).collect();
+    names.sort_unstable();
+    match did_you_mean(&name.to_string_lossy(), names.iter().map(String::as_str)) {
+        near if near.is_empty() => near,
+        near => format!("{near} "),
+    }
 }
 
 /// A text by its name, written with slashes of either kind, or else by the last part of the name.

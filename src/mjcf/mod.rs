@@ -29,6 +29,7 @@ mod schema;
 #[cfg(test)]
 mod tests;
 mod tree;
+mod unbuilt;
 mod value;
 
 use std::collections::{BTreeMap, HashSet};
@@ -98,12 +99,12 @@ fn read(
     let overridden = option::apply(&options.overrides, &mut spec);
     option::reset_unbuilt(&mut spec, &mut report);
     custom::check(&tree, &mut report);
-    unsupported_sections(&tree, &mut report);
+    unbuilt::sections(&tree, &mut report);
 
     let classes = Classes::read(&tree, &mut report);
     let (pairs, excludes) = contacts(&tree, &classes, &mut report);
     let actuators = actuators(&tree, &classes, &mut report);
-    let lost_coordinates = tree.sections("deformable").next().is_some();
+    let lost_coordinates = tree.section("deformable").any(|index| tree[index].tag != "skin");
     let mut builder = Builder {
         tree: &tree,
         classes: &classes,
@@ -184,31 +185,6 @@ impl Built {
         spec.keys = keyframe::read(tree, &kept, self.lost_coordinates, report);
         self.notes.into_iter().for_each(|note| report.note(note));
     }
-}
-
-/// Sections of which nothing is supported.
-fn unsupported_sections(tree: &Tree, report: &mut Report) {
-    const SECTIONS: [(&str, &str); 3] =
-        [("tendon", "tendons are"), ("equality", "equality constraints are"), ("deformable", "deformable bodies are")];
-    for (section, what) in SECTIONS {
-        for index in tree.section(section) {
-            report.unsupported(&tree[index], what);
-        }
-    }
-    for index in tree.section("asset").filter(|&index| tree[index].tag == "model") {
-        report.unsupported(&tree[index], "attached models are");
-    }
-    // What nothing depends on by itself: elements that use meshes or plugins say so.
-    let note = |count: usize, what: &str, report: &mut Report| {
-        if count > 0 {
-            report.note(format!("{count} {what}"));
-        }
-    };
-    let assets = |tag: &'static str| tree.section("asset").filter(move |&index| tree[index].tag == tag).count();
-    note(tree.section("sensor").count(), "sensors are not built: there is no sensordata", report);
-    note(tree.section("extension").count(), "plugins are not built", report);
-    note(assets("mesh"), "meshes are not read", report);
-    note(assets("hfield"), "height fields are not read", report);
 }
 
 fn contacts(tree: &Tree, classes: &Classes, report: &mut Report) -> (Vec<Pair>, Vec<Exclude>) {

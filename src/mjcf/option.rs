@@ -71,17 +71,29 @@ fn report_bad(element: &Element, name: &str, result: Result<(), String>, report:
 /// Applies overrides, NAME=VALUE each; a name is one of `option` or, with the value enable or disable, of `flag`.
 pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(), Diagnostics> {
     let mut problems = Diagnostics::default();
-    for (name, value) in overrides {
+    for (i, (name, value)) in overrides.iter().enumerate() {
+        // Gravity is an option and a flag.
+        let switch = |value: &str| SWITCH.iter().any(|(word, _)| *word == value);
+        let same = |(earlier, old): &&(String, String)| earlier == name && switch(old) == switch(value);
+        let refusal = match overrides[..i].iter().any(|override_| same(&override_)) {
+            true => Some(("is given twice", "give it once")),
+            false if value.trim().is_empty() => Some(("has no value", "give one, or leave the option out")),
+            false => None,
+        };
+        if let Some((what, remedy)) = refusal {
+            problems.push(&Source::default(), "", format!("option {} {what}", quoted(name)), remedy);
+            continue;
+        }
         let options = &mut spec.option;
         let is = |list: &str| list.split_ascii_whitespace().any(|known| known == name);
         let switched = SWITCH.iter().any(|(word, _)| word == value);
         let result = match (is(NAMES), is(FLAGS)) {
             (false, false) => {
                 let all = NAMES.split_ascii_whitespace().chain(FLAGS.split_ascii_whitespace());
-                let near = did_you_mean(name, all.clone());
-                let list: Vec<&str> = all.collect();
-                let remedy = format!("{near} valid: {}", list.join(", "));
-                let remedy = remedy.trim_start();
+                let remedy = match did_you_mean(name, all) {
+                    near if near.is_empty() => "give an attribute of MJCF's option or flag".to_string(),
+                    near => near,
+                };
                 problems.push(&Source::default(), "", format!("unknown option {}", quoted(name)), remedy);
                 continue;
             }

@@ -132,7 +132,7 @@ impl<'a> Reader<'a> {
     /// An orientation in any notation; at most one may be given.
     pub fn orientation(&mut self, target: &mut Orientation) {
         let notations = || super::schema::ORIENTATIONS.split_ascii_whitespace();
-        if notations().filter(|name| self.has(name)).count() > 1 {
+        if notations().filter(|name| self.has_value(name)).count() > 1 {
             let message = "more than one orientation is given";
             return self.report.error(self.element, message, "keep one of quat, axisangle, euler, xyaxes, zaxis");
         }

@@ -52,6 +52,15 @@ impl Replica {
             return builder.report.error(element, "attribute \"count\": must not be negative", "");
         };
 
+        let last = euler.map(|angle| count as f64 * angle * builder.angles.scale);
+        if !last.iter().all(|angle| angle.is_finite()) {
+            return builder.report.error(element, "attribute \"euler\": the last copy's angles overflow", "turn less");
+        }
+        if builder.report.failed() {
+            // Copies of what is rejected would only cost time.
+            return;
+        }
+
         let bodies = builder.bodies.split_off(self.bodies);
         let holder = &mut builder.bodies[self.body];
         let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));

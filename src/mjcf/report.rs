@@ -1,14 +1,12 @@
 //! What a load finds out on its way: problems, losses and notes.
 
 use super::tree::Element;
-use super::value::shorten;
 use crate::diagnostics::Diagnostics;
+pub(super) use crate::diagnostics::quoted;
 use crate::spec::{Pair, Source, Spec};
 use crate::suggest;
 use crate::unbuilt::Unbuilt;
 
-/// Most problems that are listed; the rest are counted.
-const MOST_PROBLEMS: usize = 50;
 /// Most losses, and most notes, that are listed.
 const MOST_SENTENCES: usize = 1000;
 
@@ -56,6 +54,11 @@ impl Report {
         }
     }
 
+    /// Whether there is any problem.
+    pub fn failed(&self) -> bool {
+        !self.problems.0.is_empty()
+    }
+
     /// Adds a problem of an element.
     pub fn error(&mut self, element: &Element, message: impl Into<String>, remedy: impl Into<String>) {
         self.error_at(&element.source, element.label(), message, remedy);
@@ -69,7 +72,7 @@ impl Report {
         message: impl Into<String>,
         remedy: impl Into<String>,
     ) {
-        if self.problems.0.len() < MOST_PROBLEMS {
+        if self.problems.0.len() < Diagnostics::MOST {
             self.problems.push(source, element, message, remedy);
         } else {
             self.unlisted += 1;
@@ -78,7 +81,7 @@ impl Report {
 
     /// A remedy for an unknown word. To search costs time, so none is sought once problems are only counted.
     pub fn propose<'a>(&self, word: &str, words: impl Iterator<Item = &'a str> + Clone) -> String {
-        if self.problems.0.len() < MOST_PROBLEMS { suggest::or_list(word, words) } else { String::new() }
+        if self.problems.0.len() < Diagnostics::MOST { suggest::or_list(word, words) } else { String::new() }
     }
 
     /// An element or attribute that changes the physics and is not supported: a loss if lenient, otherwise a problem.
@@ -157,12 +160,7 @@ impl Report {
 
 /// A sentence on an element, with its place.
 pub(super) fn placed(source: &Source, element: &str, what: &str) -> String {
-    let place = match (&source.file, source.line) {
-        (Some(file), line) => format!("{file}:{line}: "),
-        (None, 0) => String::new(),
-        (None, line) => format!("line {line}: "),
-    };
-    format!("{place}{element}: {what}")
+    source.placed(&format!("{element}: {what}"))
 }
 
 /// One problem with a file as a whole.
@@ -170,9 +168,4 @@ pub(super) fn file_problem(source: &Source, message: impl Into<String>, remedy: 
     let mut problems = Diagnostics::default();
     problems.push(source, "", message, remedy);
     problems
-}
-
-/// A name in quotes, safe to print.
-pub(super) fn quoted(name: &str) -> String {
-    format!("\"{}\"", shorten(name))
 }

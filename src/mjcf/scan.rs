@@ -71,7 +71,12 @@ impl Scan {
         } else if rest[0] == b'<' {
             return self.tag(rest);
         } else {
-            rest.iter().position(|&b| b == b'<').unwrap_or(rest.len())
+            let text = &rest[..rest.iter().position(|&b| b == b'<').unwrap_or(rest.len())];
+            // Text means nothing within the root, whatever it is; a NUL ends the file for MuJoCo.
+            if self.depth > 0 && !text.contains(&0) {
+                return Ok(self.blank(text, b"", b""));
+            }
+            text.len()
         };
         self.out.extend_from_slice(&rest[..length]);
         Ok(length)
@@ -117,7 +122,7 @@ impl Scan {
             if name < 2 { tag.iter().skip(2).position(|&b| b == b'>').map_or(tag.len(), |i| i + 2) } else { name };
         if tag[..name].contains(&b':') {
             let name = String::from_utf8_lossy(&tag[1..name]);
-            let message = format!("element \"{}\": MJCF has no prefixes", super::value::shorten(&name));
+            let message = format!("element \"{}\": MJCF has no prefixes", crate::diagnostics::shorten(&name));
             return Err((message, "expand macros first, or remove it"));
         }
         self.out.extend_from_slice(&tag[..name]);
@@ -130,7 +135,7 @@ impl Scan {
             let prefixed = name == b"xmlns" || name.contains(&b':');
             if prefixed && !self.root {
                 let name = String::from_utf8_lossy(name);
-                let message = format!("attribute \"{}\": MJCF has no prefixes", super::value::shorten(&name));
+                let message = format!("attribute \"{}\": MJCF has no prefixes", crate::diagnostics::shorten(&name));
                 return Err((message, "remove it; the root element may have such attributes, which mean nothing"));
             } else if prefixed {
                 self.out.extend(tag[start..=end].iter().map(|&b| if b == b'\n' { b'\n' } else { b' ' }));

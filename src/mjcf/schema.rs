@@ -236,8 +236,12 @@ pub(super) fn attributes() -> Vec<(Vec<&'static str>, &'static str)> {
 /// Reports every element and attribute that the table does not know.
 pub(super) fn check(tree: &Tree, report: &mut Report) {
     if tree[0].tag != MUJOCO.tag {
-        let message = format!("the root element must be <mujoco>, not <{}>", super::value::shorten(&tree[0].tag));
-        return report.error(&tree[0], message, "");
+        let message = format!("the root element must be <mujoco>, not <{}>", crate::diagnostics::shorten(&tree[0].tag));
+        let remedy = match tree[0].tag.as_str() {
+            "robot" => "this is URDF: load it with MuJoCo and save it as MJCF",
+            _ => "an MJCF file starts with <mujoco>",
+        };
+        return report.error(&tree[0], message, remedy);
     }
     let mut open = vec![(0, &MUJOCO)];
     while let Some((index, rule)) = open.pop() {

@@ -29,8 +29,8 @@ impl Element {
     /// Tag and name, for messages.
     pub fn label(&self) -> String {
         match self.get("name") {
-            Some(name) if !name.is_empty() => format!("{} {}", super::value::shorten(&self.tag), quoted(name)),
-            _ => super::value::shorten(&self.tag),
+            Some(name) if !name.is_empty() => format!("{} {}", crate::diagnostics::shorten(&self.tag), quoted(name)),
+            _ => crate::diagnostics::shorten(&self.tag),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The values of attributes: numbers, lists, keywords. Errors are the message alone; the caller knows the place.
 
+use crate::diagnostics::shorten;
 use crate::spec::Tri;
 use crate::suggest::did_you_mean;
 
@@ -23,7 +24,10 @@ fn number(word: &str) -> Result<f64, String> {
         Ok(x) if x.is_finite() => Ok(x),
         Ok(_) if word.contains(|c: char| c.is_ascii_digit()) => Err(format!("\"{}\" is too large", shorten(word))),
         Ok(_) => Err(format!("\"{}\" is not a finite number", shorten(word))),
-        Err(_) => Err(format!("\"{}\" is not a number", shorten(word))),
+        Err(_) => {
+            let remedy = if word.contains([',', ';']) { "; separate numbers by blanks" } else { "" };
+            Err(format!("\"{}\" is not a number{remedy}", shorten(word)))
+        }
     }
 }
 
@@ -100,13 +104,3 @@ pub(super) fn keyword<T: Copy>(text: &str, table: &[(&str, T)]) -> Result<T, Str
 pub(super) const BOOLEAN: &[(&str, bool)] = &[("true", true), ("false", false)];
 /// `true`, `false` and `auto`.
 pub(super) const TRI: &[(&str, Tri)] = &[("true", Tri::True), ("false", Tri::False), ("auto", Tri::Auto)];
-
-/// The first characters of a text that may be long or hold control characters, for messages.
-pub(super) fn shorten(text: &str) -> String {
-    const MOST: usize = 40;
-    let mut out: String = text.chars().take(MOST).map(|c| if c.is_control() { ' ' } else { c }).collect();
-    if text.chars().nth(MOST).is_some() {
-        out.push('…');
-    }
-    out
-}

@@ -1,5 +1,7 @@
 //! Parameters of the worlds of a batch.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use lanesim_kernels::model::Quantities;
 
 use super::Parameter;
@@ -63,18 +65,36 @@ impl Worlds {
         rows: &Strided<'_>,
         mask: Option<&[bool]>,
     ) -> Result<(), Error> {
+        self.set_parameters_until(parameter, rows, mask, &AtomicBool::new(false))
+    }
+
+    /// The same until `cancel` turns true. What follows from masses takes long where worlds are many.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Cancelled`]: the first worlds may have their new numbers, the others have their old ones.
+    pub fn set_parameters_until(
+        &mut self,
+        parameter: Parameter,
+        rows: &Strided<'_>,
+        mask: Option<&[bool]>,
+        cancel: &AtomicBool,
+    ) -> Result<(), Error> {
         self.check_varies(parameter)?;
         mask.map_or(Ok(()), |mask| self.check_mask(mask))?;
         let (width, nworld) = (parameter.len(&self.model), self.nworld());
         check_fit(parameter.name(), rows, nworld, width)?;
         let mut row = vec![0.0; width];
         let chosen = |world: &usize| mask.is_none_or(|mask| mask[*world]);
+        let go_on = || if cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) };
         for world in (0..nworld).filter(chosen) {
+            go_on()?;
             rows.row(world, width, |i, x| row[i] = x);
             self.check_parameter(parameter, world, &row)?;
         }
         self.vary(parameter)?;
         for world in (0..nworld).filter(chosen) {
+            go_on()?;
             rows.row(world, width, |i, x| row[i] = x);
             self.put(parameter, world, &row);
         }

@@ -153,7 +153,7 @@ fn wrong_arrays_are_named() {
     std::fs::write(folder.path("text.npz"), "not an archive").unwrap();
     with(["--states"], &folder.path("text.npz"), "not a NumPy archive");
     fails(&[&common[..], &["--outputs", "qpso"]].concat(), 2, "qpso");
-    fails(&[&common[..], &["--keyframe", "0"]].concat(), 2, "the model has 0 keyframes");
+    fails(&[&common[..], &["--keyframe", "0"]].concat(), 2, "the model has no keyframes; leave it out");
     assert!(!Path::new(&out).exists());
 }
 

@@ -290,8 +290,10 @@ fn a_rod_in_a_gap_does_not_tip() {
 /// The one contact of flat sides, or of edges along each other, lies in the middle of what they share.
 #[test]
 fn one_contact_of_flat_sides_lies_in_their_middle() {
+    /// Shapes, their sizes, where the second is, and the middle of what they share.
+    type Case = ([&'static str; 2], [&'static [f64]; 2], [f64; 3], [f64; 3]);
     // Box or cylinder upright on a cylinder's disk; capsule and cylinder along a cylinder, half beside it.
-    let cases: [([&str; 2], [&[f64]; 2], [f64; 3], [f64; 3]); 4] = [
+    let cases: [Case; 4] = [
         (["cylinder", "box"], [&[0.5, 0.3], &[0.1, 0.2, 0.1]], [0.1, 0.05, 0.39], [0.1, 0.05, 0.295]),
         (["cylinder", "cylinder"], [&[0.5, 0.3], &[0.1, 0.2]], [0.1, 0.05, 0.49], [0.1, 0.05, 0.295]),
         (["capsule", "cylinder"], [&[0.1, 0.3], &[0.2, 0.2]], [0.29, 0.0, 0.2], [0.095, 0.0, 0.15]),

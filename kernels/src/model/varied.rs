@@ -237,6 +237,11 @@ impl<L: Lane> Varied<L> {
         &mut self.lanes[quantity as usize]
     }
 
+    /// Bytes of the numbers.
+    pub fn bytes(&self) -> usize {
+        self.lanes.iter().map(|lanes| size_of_val(&lanes[..])).sum()
+    }
+
     /// Calls `f` with the numbers of everything that varies.
     pub fn for_each(&mut self, f: &mut dyn FnMut(&mut [L])) {
         for quantity in self.set.iter() {

@@ -122,6 +122,13 @@ pub fn twice_cost<L: Lane>(law: Law<'_, L>, y: &[L]) -> L {
     }
 }
 
+/// Whether an elliptic contact is in its top and in its bottom zone.
+#[inline(always)]
+pub fn zones<L: Lane>(law: Law<'_, L>, y: &[L]) -> [L::Mask; 2] {
+    let zone = Zone::new(law, y);
+    [zone.top, zone.bottom]
+}
+
 /// Where the components of an elliptic contact lie.
 struct Zone<L: Lane> {
     u: [L; 6],

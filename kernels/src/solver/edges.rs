@@ -1,5 +1,6 @@
 //! Rows of contacts (edges of pyramids, elliptic contacts) along the search direction.
 
+use super::cone;
 use super::line::Line;
 use crate::constraint::{Cone, Law};
 use crate::lane::{Lane, Mask, Real};
@@ -61,13 +62,12 @@ impl<L: Lane> Ellipse<L> {
     }
 }
 
-/// Whether a one-sided row keeps acting, or not acting, on a full step.
+/// Whether a one-sided row of strength `d` keeps acting, or not acting, from y to z.
 #[inline(always)]
-pub(super) fn stays<L: Lane>([y, v, dv]: &Edge<L>) -> L::Mask {
+pub(super) fn stays<L: Lane>(y: L, z: L, d: L) -> L::Mask {
     let zero = L::zero();
-    let z = L::one().mul_add(*v, *y);
     let moved = (y.lt(zero) & !z.lt(zero)) | (z.lt(zero) & !y.lt(zero));
-    !moved | dv.eq(zero)
+    !moved | d.eq(zero)
 }
 
 /// Adds to first and second derivative by α of a one-sided row's cost.
@@ -78,31 +78,39 @@ pub(super) fn add_slope<L: Lane>([y, v, dv]: &Edge<L>, alpha: L, [first, second]
     *second = L::select(z.lt(L::zero()), dv.mul_add(*v, *second), *second);
 }
 
-/// Calls `f` with the edges of a ray or a pyramid.
+/// Edges of a ray or a pyramid, of which there are two for each component beside the normal.
 #[inline(always)]
-fn for_each<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], mut f: impl FnMut(&Edge<L>)) {
-    let mut edge = |y: L, v: L| f(&[y, v, law.d() * v]);
-    if law.cone == Cone::Ray {
-        return edge(y[0], v[0]);
-    }
+fn edges<L: Lane>(law: Law<'_, L>, y: &[L]) -> [L; 10] {
+    let mut edges = [y[0]; 10];
     for j in 1..y.len() {
         let mu = law.friction(j);
-        edge(mu.mul_add(y[j], y[0]), mu.mul_add(v[j], v[0]));
-        edge(mu.neg_mul_add(y[j], y[0]), mu.neg_mul_add(v[j], v[0]));
+        edges[2 * j - 2] = mu.mul_add(y[j], y[0]);
+        edges[2 * j - 1] = mu.neg_mul_add(y[j], y[0]);
     }
+    edges
 }
 
-/// Whether a contact stays in its quadratic piece of the cost on a full step.
+/// Number of edges of a ray or a pyramid with components `y`.
+#[inline(always)]
+fn count<L: Lane>(law: Law<'_, L>, y: &[L]) -> usize {
+    if law.cone == Cone::Ray { 1 } else { 2 * (y.len() - 1) }
+}
+
+/// Whether a contact stays in its quadratic piece of the cost on a full step. It looks at the very numbers that the step leads to, as the
+/// Hessian does: where that of another round is at hand in the end, because a neighbour took longer, it is the same.
 #[inline(always)]
 fn contact_stays<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L]) -> L::Mask {
-    if law.cone == Cone::Ellipse {
-        let ellipse = Ellipse::new(law, y, v);
-        let ((.., top, bottom), (.., end_top, end_bottom)) = (ellipse.zone(L::zero()), ellipse.zone(L::one()));
-        return (top & end_top) | (bottom & end_bottom) | ellipse.kappa.eq(L::zero());
+    let mut moved = [L::zero(); 6];
+    for (z, (y, v)) in moved.iter_mut().zip(y.iter().zip(v)) {
+        *z = L::one().mul_add(*v, *y);
     }
-    let mut stay = L::Mask::splat(true);
-    for_each(law, y, v, |edge| stay = stay & stays(edge));
-    stay
+    let moved = &moved[..y.len()];
+    if law.cone == Cone::Ellipse {
+        let ([top, bottom], [end_top, end_bottom]) = (cone::zones(law, y), cone::zones(law, moved));
+        return (top & end_top) | (bottom & end_bottom) | law.d().eq(L::zero());
+    }
+    let (from, to) = (edges(law, y), edges(law, moved));
+    (0..count(law, y)).fold(L::Mask::splat(true), |stay, e| stay & stays(from[e], to[e], law.d()))
 }
 
 /// Adds a contact's part to slope and curvature at a step.
@@ -112,7 +120,8 @@ pub fn slope<L: Lane>(law: Law<'_, L>, y: &[L], v: &[L], alpha: L, line: &mut Li
     if law.cone == Cone::Ellipse {
         sum = Ellipse::new(law, y, v).slope(alpha).into();
     } else {
-        for_each(law, y, v, |edge| add_slope(edge, alpha, &mut sum));
+        let (from, rates) = (edges(law, y), edges(law, v));
+        (0..count(law, y)).for_each(|e| add_slope(&[from[e], rates[e], law.d() * rates[e]], alpha, &mut sum));
     }
     line.set_contact_slope(line.contact_slope() + sum[0]);
     line.set_contact_curvature(line.contact_curvature() + sum[1]);

@@ -141,7 +141,7 @@ pub fn unchanged<L: Lane>(problem: &Problem<'_, L>, y: &[L], v: &[L]) -> L::Mask
                 | (from.ge(bound) & to.ge(bound))
                 | (from.le(-bound) & to.le(-bound)))
         } else {
-            same & stays(&[*y, *v, d * *v])
+            same & stays(*y, L::one().mul_add(*v, *y), d)
         };
     }
     same

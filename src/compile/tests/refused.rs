@@ -175,3 +175,54 @@ fn numbers_that_overflow() {
     let large = world("<freejoint/><geom size='.1' mass='1e30'/>");
     assert!(Model::from_xml_string(&large, &crate::mjcf::LoadOptions::default()).is_ok());
 }
+
+/// A step that is no number in single precision steps nothing, or everything away.
+#[test]
+fn refused_options_out_of_range() {
+    for x in [1e-300, 1e-40, 1e300] {
+        refuses(|s| s.option.timestep = x, "option: timestep leaves the range of numbers");
+        refuses(|s| s.option.impratio = x, "option: impratio leaves the range of numbers");
+    }
+}
+
+/// However many problems there are, some are listed and the rest counted; what is said of an element is said once.
+#[test]
+fn problems_are_capped() {
+    let many = |count: usize| {
+        let mut spec = single(vec![hinge()], vec![ball(0.1); count]);
+        spec.bodies[1].geoms.iter_mut().for_each(|geom| (geom.name, geom.size) = (String::new(), [0.0; 3]));
+        let Diagnostics(list) = Model::from_spec(&spec).unwrap_err();
+        (list.len(), list.last().map(|last| last.message.clone()).unwrap_or_default())
+    };
+    assert_eq!(many(51).0, 51);
+    assert_eq!(many(1000), (51, "950 more problems are not listed".to_string()));
+    let mut spec = single(vec![free()], vec![ball(0.1)]);
+    spec.bodies[0].geoms = vec![ball(0.1); 10];
+    spec.bodies[0].geoms.iter_mut().for_each(|geom| geom.name.clear());
+    spec.bodies[1].geoms[0].margin = 1e300;
+    let problems = Model::from_spec(&spec).unwrap_err().to_string();
+    let mut lines: Vec<&str> = problems.lines().collect();
+    lines.sort_unstable();
+    lines.dedup();
+    assert_eq!(lines.len(), problems.lines().count(), "{problems}");
+}
+
+/// A model's keyframes are kept in full, so that many short ones of a large model would take any amount of memory.
+#[test]
+fn keyframes_without_a_bound() {
+    let mut spec = single(vec![hinge()], vec![ball(0.1)]);
+    spec.keys = vec![Key::default(); 5_000_001];
+    check(&spec, "key #5000000: 5000001 keyframes of 2 numbers each are more than can be kept (give at most 5000000)");
+}
+
+/// Names of any length and content stay out of messages.
+#[test]
+fn long_names_are_shortened() {
+    let mut spec = single(vec![hinge()], vec![ball(0.1)]);
+    spec.bodies[1].geoms[0].name = "g\u{1b}".repeat(1_000_000);
+    spec.bodies[1].geoms[0].condim = 2;
+    let actuator = Actuator { transmission: Transmission::Joint("j".repeat(1_000_000)), ..Actuator::default() };
+    spec.actuators.push(actuator);
+    let problems = Model::from_spec(&spec).unwrap_err().to_string();
+    assert!(problems.len() < 1000 && !problems.contains('\u{1b}'), "{}", problems.len());
+}

@@ -108,7 +108,7 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
 #[test]
 fn sensors_are_notes() {
     let spec = ok(&with_joint("<sensor><jointpos joint='j'/><clock/></sensor>"));
-    assert_eq!(spec.notes, ["2 sensors are not built: there is no sensordata"]);
+    assert_eq!(spec.notes, ["line 1: 2 sensors are not built: there is no sensordata"]);
     assert!(spec.losses.is_empty());
     let error = crate::outputs::Output::named("sensordata").expect_err("not built").to_string();
     assert_eq!(error, "sensors are not built, so there is no output sensordata");
@@ -141,7 +141,7 @@ fn meshes_that_only_decorate_are_notes() {
         assert_eq!(
             spec.notes,
             [
-                "1 meshes are not read",
+                "line 1: 1 meshes are not read",
                 "1 geom on which no motion depends is left out, as meshes are not built: line 2: geom \"v\": the first",
             ]
         );
@@ -195,4 +195,45 @@ fn saved_actuators_are_read() {
     let reset = "<general class='servo' joint='j' input='' biastype='none' gainprm='1' biasprm='0 0 0'/>";
     let motor = ([1.0, 0.0, 0.0], [0.0; 3], 0.0);
     assert_eq!(gains(&format!("{class}<actuator>{reset}</actuator>")), motor);
+}
+
+/// What gives no force by itself stops no strict load.
+#[test]
+fn tendons_constraints_and_skins_without_effect_are_notes() {
+    for (section, note) in [
+        (
+            "<tendon>\n<fixed name='t' width='.01' stiffness='0' limited='false'><joint joint='j' coef='1'/></fixed></tendon>",
+            "line 2: 1 tendons without a force of their own are left out, as tendons are not built",
+        ),
+        (
+            "<equality>\n<joint joint1='j' active='false'/><joint joint1='j' active='false'/></equality>",
+            "line 2: 2 equality constraints that are not active are left out",
+        ),
+        ("<deformable>\n<skin name='s'/></deformable>", "line 2: 1 skins are not drawn"),
+    ] {
+        let spec = ok(&with_joint(&format!("{section}<keyframe><key qpos='1'/></keyframe>")));
+        assert_eq!((spec.notes, spec.keys.len()), (vec![note.to_string()], 1), "{section}");
+    }
+    let class = "<default><tendon stiffness='1'/></default>";
+    for section in [
+        "<tendon><fixed range='0 1'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
+        "<tendon><fixed stiffness='2'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
+        format!("{class}<tendon><fixed><joint joint='j' coef='1'/></fixed></tendon>"),
+        "<equality><joint joint1='j'/></equality>".to_string(),
+        "<deformable><flex/></deformable>".to_string(),
+    ] {
+        parse(&with_joint(&section), &LoadOptions::default()).expect_err("changes the motion");
+    }
+}
+
+/// The compiler's message about a body names the mesh that a lenient load took from it, or from what is fixed to it.
+#[test]
+fn a_body_without_mass_names_the_mesh_that_had_it() {
+    let lost = "body \"b\": moves, but has no mass or no inertia: what has it was left out (line 2: geom \"v\")";
+    let geom = "\n<geom name='v' type='mesh' mesh='m'/>";
+    for content in [geom.to_string(), format!("<body>{geom}</body>"), format!("<frame>{geom}</frame>")] {
+        let spec = lenient(&world(&format!("<body name='b'><joint/>{content}</body>")));
+        let problem = Model::from_spec(&spec).expect_err("no mass").to_string();
+        assert!(problem.contains(lost), "{problem}");
+    }
 }

@@ -123,7 +123,18 @@ fn overrides() {
     assert!(!with("gravity", "disable").expect("good").option.flags.gravity);
     assert!(!with("contact", "disable").expect("good").option.flags.contact);
     let bad = with("timstep", "1").expect_err("bad").to_string();
-    assert!(bad.starts_with("unknown option \"timstep\" (did you mean \"timestep\"? valid: actuatorgroup"), "{bad}");
+    assert_eq!(bad, "unknown option \"timstep\" (did you mean \"timestep\"?)");
+    let bad = with("bogus", "1").expect_err("bad").to_string();
+    assert_eq!(bad, "unknown option \"bogus\" (give an attribute of MJCF's option or flag)");
+    let bad = with("timestep", " ").expect_err("nothing given").to_string();
+    assert_eq!(bad, "option \"timestep\" has no value (give one, or leave the option out)");
+    let both = |pairs: [(&str, &str); 2]| {
+        let overrides = pairs.map(|(name, value)| (name.to_string(), value.to_string())).to_vec();
+        parse("<mujoco/>", &LoadOptions { lenient: false, overrides })
+    };
+    let bad = both([("timestep", "1"), ("timestep", "2")]).expect_err("which?").to_string();
+    assert_eq!(bad, "option \"timestep\" is given twice (give it once)");
+    both([("gravity", "0 0 1"), ("gravity", "disable")]).expect("an option and a flag");
     let bad = with("contact", "no").expect_err("bad").to_string();
     assert_eq!(bad, "option \"contact\": \"no\" is not one of enable, disable");
 }
@@ -131,7 +142,7 @@ fn overrides() {
 #[test]
 fn losses() {
     let text = with_joint(
-        "<asset><mesh name='m' file='m.stl'/></asset><tendon><fixed name='t'/></tendon><sensor><clock/></sensor>\
+        "<asset><mesh name='m' file='m.stl'/></asset><tendon><fixed name='t' stiffness='1'/></tendon><sensor><clock/></sensor>\
          <actuator><motor name='a' tendon='t'/><motor name='b' joint='j'/></actuator>\
          <worldbody><geom name='v' type='mesh' mesh='m'/><camera/><light/></worldbody>\
          <contact><pair geom1='v' geom2='g'/></contact><keyframe><key ctrl='1 2' act='3'/></keyframe>",
@@ -152,8 +163,8 @@ fn losses() {
     assert_eq!(
         spec.notes,
         [
-            "1 sensors are not built: there is no sensordata",
-            "1 meshes are not read",
+            "line 1: 1 sensors are not built: there is no sensordata",
+            "line 1: 1 meshes are not read",
             "1 cameras and 1 lights have no effect",
         ]
     );

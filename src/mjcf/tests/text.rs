@@ -23,7 +23,7 @@ fn what_is_not_xml() {
         "<!DOCTYPE a [<!ENTITY b \"c\">]><mujoco/>",
         "1: not well-formed XML: XML with DTD detected (remove the document type declaration)",
     );
-    rejects("<robot/>", "1: robot: the root element must be <mujoco>, not <robot>");
+    rejects("<html/>", "1: html: the root element must be <mujoco>, not <html> (an MJCF file starts with <mujoco>)");
 }
 
 #[test]
@@ -72,6 +72,7 @@ fn forms_of_numbers() {
                 "1 2" => "expected 1 number, found 2".to_string(),
                 "nan" | "inf" => format!("\"{value}\" is not a finite number"),
                 "1e400" => "\"1e400\" is too large".to_string(),
+                "1,2" => "\"1,2\" is not a number; separate numbers by blanks".to_string(),
                 _ => format!("\"{value}\" is not a number"),
             };
             format!("1: geom: attribute \"mass\": {reason}")
@@ -170,4 +171,38 @@ fn includes_from_disk() {
     assert!(problem("none.xml").starts_with("the file cannot be read: "));
     assert_eq!(problem("parts"), "the file cannot be read: not a regular file");
     std::fs::remove_dir_all(&folder).expect("removed");
+}
+
+/// MuJoCo reads no text between tags, so nothing in it is a fault.
+#[test]
+fn text_between_tags_means_nothing() {
+    for text in ["&nbsp;", "a & b", "\u{1}", "&#1;", "]]>", "é > "] {
+        assert_eq!(
+            ok(&format!("<mujoco>{text}<option timestep='0.5'/>\n{text}</mujoco>")).option.timestep,
+            0.5,
+            "{text}"
+        );
+    }
+    // Lines stay in their places.
+    rejects("<mujoco>a\n&b\n<optoin/></mujoco>", "3: optoin: unknown element in mujoco (did you mean \"option\"?)");
+}
+
+#[test]
+fn remedies_of_what_is_met_in_files() {
+    rejects(
+        "<robot name='r'/>",
+        "1: robot \"r\": the root element must be <mujoco>, not <robot> (this is URDF: load it with MuJoCo and save it as MJCF)",
+    );
+    rejects(
+        &world("<geom size='1,2'/>"),
+        "1: geom: attribute \"size\": \"1,2\" is not a number; separate numbers by blanks",
+    );
+}
+
+/// Copies of what is rejected are not made: a thousand problems would say no more than one.
+#[test]
+fn a_replica_whose_angles_overflow_is_one_problem() {
+    let text = |angles: &str| world(&format!("<replicate count='65536' euler='{angles}'><geom size='1'/></replicate>"));
+    rejects(&text("1e305 0 0"), "1: replicate: attribute \"euler\": the last copy's angles overflow (turn less)");
+    rejects(&text("1 2"), "1: replicate: attribute \"euler\": expected 3 numbers, found 2");
 }
