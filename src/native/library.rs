@@ -109,9 +109,17 @@ impl<T: Float> Common<T> {
     }
 
     /// All parts of an op.
-    pub fn parts(&self, op: Op) -> impl Iterator<Item = Part> + use<T> {
+    pub fn parts(&self, op: Op) -> impl Iterator<Item = Part> {
         let count = self.bases[op as usize + 1] - self.bases[op as usize];
-        (0..count as u32).map(move |of| Part::of(op, of))
+        (0..count as u32).map(move |of| Part::of(op, of)).filter(|part| self.has(*part))
+    }
+
+    /// Whether there is such a part: some classes of a family are not those of an op.
+    fn has(&self, part: Part) -> bool {
+        match part.op {
+            Op::Parallel => self.shapes[part.of as usize].0.capsules(),
+            op => op.family() != Family::Kind || op.applies(self.rows.kinds[part.of as usize].sides),
+        }
     }
 
     /// What a part is recorded for.
@@ -333,8 +341,7 @@ impl<T: Float> ModelCode<T> {
             (Op::Smooth | Op::Euler, of) => of == 0,
             (Op::Energy | Op::MeasureBoth | Op::Couple, _) => false,
             (Op::Joints, _) => tables.constrained(),
-            (Op::Near | Op::Narrow | Op::Measure, _) => true,
-            (Op::Parallel, class) => self.common.shapes[class as usize].0.capsules(),
+            (Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
             (Op::Conjugate, _) => primal && !newton,
             (Op::Turn, _) => primal && newton,
             (Op::Curve | Op::Stiffen, _) if !newton => false,
@@ -343,7 +350,7 @@ impl<T: Float> ModelCode<T> {
             (Op::Polish, filled) => primal && newton && (joins || filled == 0),
             (Op::Survey | Op::Take | Op::Approach | Op::Slope | Op::Act | Op::Stiffen, kind) => {
                 let sides = self.common.rows.kinds[kind as usize].sides;
-                primal && sides != Sides::Apart && part.op.applies(sides)
+                primal && sides != Sides::Apart
             }
             _ => primal,
         };

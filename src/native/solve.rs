@@ -56,7 +56,8 @@ impl<'a, L: Block> Solve<'a, L> {
             return None;
         }
         let session = code.solves(root)?;
-        let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some());
+        let lent = |coded: &Coded<_>| session.includes(coded.set);
+        let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some_and(lent));
         let of_pair = |row: &ContactRow| match row.sides {
             Sides::One => true,
             Sides::Two => coded(row, &PAIR_OPS),

@@ -69,15 +69,23 @@ pub struct Classes {
 }
 
 /// Numbers classes in the order in which they are met.
-struct Numbering<K>(HashMap<K, u32>);
+struct Numbering<K> {
+    numbers: HashMap<K, u32>,
+    /// The first pair of each.
+    pairs: Vec<u32>,
+}
 
 impl<K: Hash + Eq> Numbering<K> {
-    /// The number of a class; a row of a new one goes to the list, for which `first` are numbers of others.
-    fn of(&mut self, key: K, row: &ContactRow, list: &mut Vec<ContactRow>, first: usize) -> u32 {
-        let next = (first + self.0.len()) as u32;
-        *self.0.entry(key).or_insert_with(|| {
-            list.push(*row);
-            next
+    fn new() -> Self {
+        Numbering { numbers: HashMap::new(), pairs: vec![] }
+    }
+
+    /// The number of the class of a pair.
+    fn of(&mut self, key: K, pair: u32) -> u32 {
+        let Numbering { numbers, pairs } = self;
+        *numbers.entry(key).or_insert_with(|| {
+            pairs.push(pair);
+            pairs.len() as u32 - 1
         })
     }
 }
@@ -85,10 +93,9 @@ impl<K: Hash + Eq> Numbering<K> {
 /// By pair, what its contacts have in common, and the classes of these.
 pub fn rows_of_pairs<T>(model: &Model<T>) -> (Vec<ContactRow>, Classes) {
     let kinds = kinds(model);
-    let (mut laws, mut links) = (Numbering(HashMap::new()), Numbering(HashMap::new()));
-    let (mut couples, mut apart) = (Numbering(HashMap::new()), Numbering(HashMap::new()));
-    let mut classes = Classes::default();
-    let (mut of_kinds, mut between) = (vec![None; kinds.len()], vec![]);
+    let (mut laws, mut links) = (Numbering::new(), Numbering::new());
+    let (mut couples, mut apart) = (Numbering::new(), Numbering::new());
+    let mut of_kinds = vec![None; kinds.len()];
     let row = |(number, pair): (u32, &Pair<T>)| {
         let mut row = row_of(model, &kinds, number, pair);
         if pair.rigid() {
@@ -96,27 +103,28 @@ pub fn rows_of_pairs<T>(model: &Model<T>) -> (Vec<ContactRow>, Classes) {
         }
         let impedance = (pair.impedance.flat, pair.impedance.small_power);
         if pair.sides == Sides::One {
-            let key = (row.cone, row.dim, pair.link2 == NONE, impedance);
-            row.law = laws.of(key, &row, &mut classes.laws, 0);
+            row.law = laws.of((row.cone, row.dim, pair.link2 == NONE, impedance), number);
         } else {
             let dofs = &model.pair_dofs[pair.dofs.range()];
             let apart_from = |side: bool| if pair.sides == Sides::Apart { first_dof(model, pair, side) } else { 0 };
             let firsts = [false, true].map(apart_from);
             let of = |entry: &PairDof| (entry.second, entry.dof - firsts[usize::from(entry.second)]);
             let dofs: Vec<(bool, u32)> = dofs.iter().map(of).collect();
-            row.links = links.of((pair.sides, dofs.clone(), row.dim, impedance), &row, &mut classes.links, 0);
-            row.couple = couples.of((pair.link1, pair.link2, row.dim), &row, &mut classes.couples, 0);
+            row.links = links.of((pair.sides, dofs.clone(), row.dim, impedance), number);
+            row.couple = couples.of((pair.link1, pair.link2, row.dim), number);
             if pair.sides == Sides::Apart {
-                row.number = apart.of((dofs, row.dim), &row, &mut between, kinds.len());
+                row.number = kinds.len() as u32 + apart.of((dofs, row.dim), number);
             }
         }
         if let Some(place) = of_kinds.get_mut(row.number as usize) {
-            place.get_or_insert(row);
+            place.get_or_insert(number);
         }
         row
     };
-    let rows = (0..).zip(&model.pairs).map(row).collect();
-    classes.kinds = of_kinds.into_iter().flatten().chain(between).collect();
+    let rows: Vec<ContactRow> = (0..).zip(&model.pairs).map(row).collect();
+    let of = |pairs: Vec<u32>| pairs.into_iter().map(|pair| rows[pair as usize]).collect();
+    let kinds = of_kinds.into_iter().flatten().chain(apart.pairs).collect();
+    let classes = Classes { laws: of(laws.pairs), links: of(links.pairs), couples: of(couples.pairs), kinds: of(kinds) };
     (rows, classes)
 }
 

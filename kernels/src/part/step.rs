@@ -55,6 +55,11 @@ impl FieldSet {
         FieldSet([self.0[0] | other.0[0], self.0[1] | other.0[1]])
     }
 
+    /// Whether all of another set are among them.
+    pub fn includes(self, other: FieldSet) -> bool {
+        self.or(other) == self
+    }
+
     /// Whether a field is among them.
     #[inline(always)]
     pub fn has(self, number: usize) -> bool {
