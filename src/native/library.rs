@@ -70,7 +70,10 @@ impl<T: Float> Common<T> {
         let groups = collision::groups(tables);
         let mut bases = vec![0];
         for op in Op::ALL {
+            let stage = op.stage();
+            let none = !stage.present(tables) || stage == Stage::Solver && !tables.constrained();
             let count = match op.family() {
+                _ if none => 0,
                 Family::Options(count) => count as usize,
                 Family::Group => groups.len(),
                 Family::Shapes => shapes.len(),
@@ -335,13 +338,12 @@ impl<T: Float> ModelCode<T> {
         let tables = &*self.tables;
         let pairs = |has: &dyn Fn(&lanesim_kernels::model::Pair<T>) -> bool| tables.pairs.iter().any(has);
         let (both, joins) = (pairs(&|pair| pair.sides != Sides::One), pairs(&|pair| pair.cross));
-        let primal = tables.constrained() && tables.options.solver != options::Solver::Pgs;
+        let primal = tables.options.solver != options::Solver::Pgs;
         let newton = tables.options.solver == options::Solver::Newton;
         let wanted = move |part: &Part| match (part.op, part.of) {
             (Op::Smooth | Op::Euler, of) => of == 0,
             (Op::Energy | Op::MeasureBoth | Op::Couple, _) => false,
-            (Op::Joints, _) => tables.constrained(),
-            (Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
+            (Op::Joints | Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
             (Op::Conjugate, _) => primal && !newton,
             (Op::Turn, _) => primal && newton,
             (Op::Curve | Op::Stiffen, _) if !newton => false,
