@@ -1,8 +1,10 @@
 //! Compiled fragments, and running them.
 
+mod call;
 mod session;
 mod windows;
 
+pub use call::Call;
 pub use session::Session;
 pub use windows::{Windows, WindowsList};
 
@@ -73,10 +75,19 @@ impl<'a, T: Float> FieldSlice<'a, T> {
     }
 
     #[inline(always)]
-    fn len(&self) -> usize {
-        self.tag >> 2
+    fn lent(&self) -> Lent {
+        Lent { start: self.start, tag: self.tag }
     }
 }
+
+/// The same without its borrow.
+#[derive(Clone, Copy)]
+struct Lent {
+    start: *mut u8,
+    tag: usize,
+}
+
+const NOTHING: Lent = Lent { start: std::ptr::null_mut(), tag: 0 };
 
 /// A field's length, kind and mutability as a number; slices are too short for any bit to be lost.
 #[inline(always)]
@@ -132,7 +143,7 @@ impl Wanted {
 
     /// The address of the field for a run on part of a block, by number.
     #[inline(always)]
-    fn address<T>(&self, field: &FieldSlice<'_, T>, run: usize) -> *mut u8 {
+    fn address(&self, field: Lent, run: usize) -> *mut u8 {
         field.start.wrapping_add(self.offsets[run])
     }
 
@@ -150,13 +161,15 @@ pub struct Scratch {
     slots: Vec<Aligned>,
     masks_in: Vec<u32>,
     masks_out: Vec<u32>,
-    /// Addresses of the fields for one run; of no meaning between runs.
+    /// The fields of a call; of no meaning between calls.
+    lent: Vec<Lent>,
+    /// Their addresses for one run.
     fields: Vec<*mut u8>,
     /// What sessions have bound.
     kept: session::Kept,
 }
 
-// SAFETY: the addresses are written at the start of every run and not used after it; all else is plain data.
+// SAFETY: the addresses are written for every call and not used after it; all else is plain data.
 unsafe impl Send for Scratch {}
 // SAFETY: nothing can be done with a shared `Scratch`.
 unsafe impl Sync for Scratch {}
@@ -184,6 +197,7 @@ impl Scratch {
         grow(&mut self.slots, fragment.slot_blocks, ZEROS);
         grow(&mut self.masks_in, fragment.masks_in, 0);
         grow(&mut self.masks_out, fragment.masks_out.len(), 0);
+        grow(&mut self.lent, fragment.fields.len(), NOTHING);
         grow(&mut self.fields, fragment.fields.len(), std::ptr::null_mut());
     }
 }
@@ -307,23 +321,7 @@ impl<T: Float> Fragment<T> {
         masks_in: &[u32],
         masks_out: &mut [u32],
     ) {
-        assert!(self.columns.is_none(), "code for windows");
-        assert_eq!(fields.len(), self.fields.len(), "number of fields");
-        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
-        assert_eq!(masks_out.len(), self.masks_out.len(), "number of masks returned");
-        scratch.reserve(self);
-        let isa = self.statistics.isa;
-        for run in 0..self.runs() {
-            if !self.put_addresses(fields, run, scratch, |wanted, field| wanted.differs(field.tag) == 0) {
-                self.refuse(fields);
-            }
-            let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
-            // SAFETY: kinds, lengths and mutability of all fields have been compared with those that the code was emitted
-            // for; `Block` types and `Aligned` are aligned to 64 bytes; scratch and constants have the lengths that the
-            // code was emitted for; the fields' borrows last until the end of this function, mutable where written to.
-            unsafe { self.machine.code.run(&arguments) };
-            self.collect_masks(&scratch.masks_out, run * isa.vector_bytes() / T::PRECISION.bytes(), masks_out);
-        }
+        self.call_with(scratch, fields).run(masks_in, masks_out);
     }
 
     /// Runs the code once for every item, one after the other, on parts of larger fields: of each field the recorded number of
@@ -340,39 +338,7 @@ impl<T: Float> Fragment<T> {
         fields: &mut [FieldSlice<'_, T>],
         items: &[([usize; N], u32)],
     ) {
-        assert!(self.columns.is_none(), "code for windows");
-        let count = self.fields.len();
-        assert!(fields.len() == count && count <= N, "number of fields");
-        assert_eq!(self.masks_in, 1, "number of masks given");
-        assert!(self.masks_out.is_empty(), "code that returns masks runs once");
-        let of_field = |i: usize, f: &dyn Fn(&FieldUse) -> usize| self.fields.get(i).map_or(0, f);
-        let steps: [usize; N] = std::array::from_fn(|i| of_field(i, &|bound| field_step(bound.kind, T::PRECISION)));
-        let last: [usize; N] = std::array::from_fn(|i| {
-            of_field(i, &|bound| {
-                let field = &fields[i];
-                let same = self.wanted[i].differs(field.tag) & 3 == 0;
-                assert!(same && field.len() >= bound.len, "field {i} has no part as {bound:?}");
-                field.len() - bound.len
-            })
-        });
-        scratch.reserve(self);
-        for run in 0..self.runs() {
-            let base =
-                |i: usize| self.wanted.get(i).map_or(std::ptr::null_mut(), |wanted| wanted.address(&fields[i], run));
-            let bases: [*mut u8; N] = std::array::from_fn(base);
-            for (starts, mask) in items {
-                let mut addresses = bases;
-                for i in 0..count {
-                    assert!(starts[i] <= last[i], "part of field {i} from {}", starts[i]);
-                    addresses[i] = bases[i].wrapping_add(starts[i] * steps[i]);
-                }
-                let shared = self.arguments(scratch, &[*mask], run);
-                // SAFETY: as in `run`, with parts of fields that lie within them: their kinds and mutability were compared
-                // above, and `last` is the largest start from which a field still has the recorded number of entries. The
-                // addresses are read during the call only.
-                unsafe { self.machine.code.run(&Arguments { fields: addresses.as_ptr(), ..shared }) };
-            }
-        }
+        self.call_with(scratch, fields).run_each_masked(items);
     }
 
     /// How often the code runs for a block.
@@ -382,18 +348,14 @@ impl<T: Float> Fragment<T> {
 
     /// Writes down where the fields are, for a run on part of a block; returns whether each `fits`.
     #[inline(always)]
-    fn put_addresses(
-        &self,
-        fields: &[FieldSlice<'_, T>],
-        run: usize,
-        scratch: &mut Scratch,
-        fits: impl Fn(&Wanted, &FieldSlice<'_, T>) -> bool,
-    ) -> bool {
-        let mut places = scratch.fields.iter_mut().zip(fields).zip(&self.wanted);
-        places.all(|((address, field), wanted)| {
-            *address = wanted.address(field, run);
-            fits(wanted, field)
-        })
+    fn put_addresses(&self, run: usize, scratch: &mut Scratch, fits: impl Fn(&Wanted, usize) -> bool) -> bool {
+        let Scratch { lent, fields, .. } = scratch;
+        let mut all = true;
+        for ((address, field), wanted) in fields.iter_mut().zip(&*lent).zip(&self.wanted) {
+            *address = wanted.address(*field, run);
+            all &= fits(wanted, field.tag);
+        }
+        all
     }
 
     /// What the code is given beside the fields, for a run on part of a block.
@@ -407,14 +369,14 @@ impl<T: Float> Fragment<T> {
     }
 
     #[cold]
-    fn refuse(&self, fields: &[FieldSlice<'_, T>]) -> ! {
-        for (i, ((field, bound), wanted)) in fields.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
+    fn refuse(&self, lent: &[Lent]) -> ! {
+        for (i, ((field, bound), wanted)) in lent.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
             let (kind, writable) = (field.tag >> 1 & 1, field.tag & 1);
             let kind = if kind == 0 { FieldKind::Lanes } else { FieldKind::Uniform };
             assert!(
                 wanted.differs(field.tag) == 0,
                 "field {i} is {kind:?}, length {}, writable {}; the fragment wants {bound:?}",
-                field.len(),
+                field.tag >> 2,
                 writable != 0
             );
         }

@@ -2,13 +2,13 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use lanesim_codegen::{CompileError, FieldSlice, Float, Fragment, InstructionSet, Recording};
+use lanesim_codegen::{Call, CompileError, FieldSlice, Float, Fragment, InstructionSet, Recording, Scratch};
 use lanesim_kernels::collision::{self, Class, Near};
 use lanesim_kernels::constraint::{self, Classes, ContactRow};
 use lanesim_kernels::lane::LaneQuery;
 use lanesim_kernels::model::{Model as Tables, Pattern, Quantities, Quantity, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{COLUMNS, Family, FieldSet, Item, KIND_COLUMNS, Op, Part, Step, stride};
+use lanesim_kernels::part::{COLUMNS, Family, FieldSet, Item, KIND_COLUMNS, Lanes, Op, Part, Step, stride};
 use lanesim_kernels::solver;
 use lanesim_kernels::stage::Stage;
 
@@ -21,8 +21,30 @@ pub struct Coded<T> {
     pub fragment: Fragment<T>,
     /// Its fields in a step.
     pub sources: Vec<Source>,
-    /// The same as a set.
+    /// The same as a set, and those of them with two windows.
     pub set: FieldSet,
+    twice: FieldSet,
+}
+
+impl<T: Float> Coded<T> {
+    /// A run of the code with its fields lent, each as often as it has windows.
+    #[inline(always)]
+    pub fn call<'a>(
+        &'a self,
+        scratch: &'a mut Scratch,
+        common: &'a Common<T>,
+        step: &'a mut Step<'_, T::Block>,
+    ) -> Call<'a, T> {
+        let mut call = self.fragment.call(scratch);
+        step.lend(self.set, &mut |field, _, lanes| {
+            let lent = common.slice(field, lanes);
+            if self.twice.has(field) {
+                call.put(lent.again());
+            }
+            call.put(lent);
+        });
+        call
+    }
 }
 
 /// A place for it, filled at first use; `None`: it cannot be had.
@@ -184,7 +206,15 @@ impl<T: Float> Common<T> {
 
     /// A field that is lent: lanes, or numbers that all worlds share.
     #[inline(always)]
-    pub fn numbers(&self, field: usize) -> Option<FieldSlice<'_, T>> {
+    pub fn slice<'a>(&'a self, field: usize, lanes: Lanes<'a, T::Block>) -> FieldSlice<'a, T> {
+        match lanes {
+            Lanes::Write(lanes) => FieldSlice::write(lanes),
+            Lanes::Read(lanes) => self.numbers(field).unwrap_or_else(|| FieldSlice::read(lanes)),
+        }
+    }
+
+    #[inline(always)]
+    fn numbers(&self, field: usize) -> Option<FieldSlice<'_, T>> {
         let quantity = field.checked_sub(Step::<T>::VARIED)?;
         let numbers = self.shared.get(quantity)?;
         (!numbers.is_empty()).then(|| FieldSlice::uniform(numbers))
@@ -309,9 +339,14 @@ impl<T: Float> ModelCode<T> {
             KIND_COLUMNS => program.compile_each::<KIND_COLUMNS>(isa, &columns),
             _ => program.compile_each::<COLUMNS>(isa, &columns),
         }?;
-        let mut set = FieldSet::default();
-        sources.iter().for_each(|source| set.add(source.field));
-        Ok(Coded { fragment: fragment.named(&self.common.name(&self.tables, part)), sources, set })
+        let (mut set, mut twice) = (FieldSet::default(), FieldSet::default());
+        for Source { field, .. } in &sources {
+            if set.has(*field) {
+                twice.add(*field);
+            }
+            set.add(*field);
+        }
+        Ok(Coded { fragment: fragment.named(&self.common.name(&self.tables, part)), sources, set, twice })
     }
 
     /// The code of a part on a filled pattern.

@@ -14,12 +14,11 @@ mod tests;
 
 use std::sync::{Arc, OnceLock};
 
-use lanesim_codegen::{Block, FieldSlice, Float, InstructionSet, Scratch, Windows};
+use lanesim_codegen::{Block, Float, InstructionSet, Scratch, Windows};
 use lanesim_kernels::model::{Model as Tables, Quantities};
-use lanesim_kernels::part::{COLUMNS, Executor, Family, FieldSet, Item, KIND_COLUMNS, Lanes, Part, Parts, Step};
+use lanesim_kernels::part::{COLUMNS, Executor, Family, Item, KIND_COLUMNS, Part, Parts, Step};
 
 pub(crate) use library::ModelCode;
-use library::{Coded, Common};
 use patterns::Found;
 use places::Places;
 use solve::Solve;
@@ -64,8 +63,6 @@ pub(crate) struct Native<T: Float> {
     filled: Found,
 }
 
-/// Most fields of a part.
-const MOST_FIELDS: usize = 96;
 /// Most fields of a part that is run for items with worlds of their own.
 const ITEM_FIELDS: usize = 12;
 
@@ -77,53 +74,6 @@ impl<T: Float> Native<T> {
         let (windows, kinds) = (Windows::with_capacity(1, most), Windows::with_capacity(1, most));
         let items = Vec::with_capacity(most);
         Native { root: code.clone(), code, scratch: Scratch::new(), windows, kinds, items, places, filled }
-    }
-}
-
-/// Fields of a step that are lent to code.
-struct Fields<'a, T, const N: usize> {
-    all: [FieldSlice<'a, T>; N],
-    len: usize,
-}
-
-impl<'a, T: Float, const N: usize> Fields<'a, T, N> {
-    /// None.
-    #[inline(always)]
-    fn empty() -> Self {
-        Fields { all: [const { FieldSlice::unused() }; N], len: 0 }
-    }
-
-    /// Those of a set, in ascending order.
-    #[inline(always)]
-    fn lend<'s>(set: FieldSet, common: &'a Common<T>, step: &'a mut Step<'s, T::Block>) -> Self {
-        let mut fields = Fields::empty();
-        step.lend(set, &mut |field, _, lanes| fields.put(common, field, lanes));
-        fields
-    }
-
-    #[inline(always)]
-    fn put(&mut self, common: &'a Common<T>, field: usize, lanes: Lanes<'a, T::Block>) {
-        self.all[self.len] = match lanes {
-            Lanes::Write(lanes) => FieldSlice::write(lanes),
-            Lanes::Read(lanes) => common.numbers(field).unwrap_or_else(|| FieldSlice::read(lanes)),
-        };
-        self.len += 1;
-    }
-
-    /// Those of a part, one for every window.
-    #[inline(always)]
-    fn of_windows(&self, coded: &Coded<T>) -> Self {
-        let mut out = Fields::empty();
-        let (mut place, mut last) = (0, None);
-        for source in &coded.sources {
-            if last.is_some_and(|last| last != source.field) {
-                place += 1;
-            }
-            last = Some(source.field);
-            out.all[out.len] = self.all[place].again();
-            out.len += 1;
-        }
-        out
     }
 }
 
@@ -143,9 +93,7 @@ impl<L: Block> Executor<L> for Native<L::Float> {
         let Some(coded) = code.get(root, part) else {
             return part.run_lanes(&Item::Whole, given, returned, step);
         };
-        let mut fields: Fields<'_, _, MOST_FIELDS> = Fields::lend(coded.set, &code.common, step);
-        let len = fields.len;
-        coded.fragment.run(scratch, &mut fields.all[..len], &[given][..part.op.masks()[0]], returned);
+        coded.call(scratch, &code.common, step).run(&[given][..part.op.masks()[0]], returned);
     }
 
     fn each(&mut self, part: Part, items: &mut dyn Iterator<Item = Item<'_>>, given: u32, step: &mut Step<'_, L>) {
@@ -162,24 +110,18 @@ impl<L: Block> Executor<L> for Native<L::Float> {
                 let of = |i: usize| coded.sources.get(i).and_then(|source| source.column);
                 (std::array::from_fn(|i| of(i).map_or(0, |column| starts[column])), item.worlds() & given)
             }));
-            let fields: Fields<'_, _, ITEM_FIELDS> = Fields::lend(coded.set, &code.common, step);
-            let mut fields = fields.of_windows(coded);
-            let len = fields.len;
-            return coded.fragment.run_each_masked(scratch, &mut fields.all[..len], list);
+            return coded.call(scratch, &code.common, step).run_each_masked(list);
         }
         let given = &[given][..part.op.masks()[0]];
-        let fields: Fields<'_, _, MOST_ITEM_FIELDS> = Fields::lend(coded.set, &code.common, step);
-        let mut fields = fields.of_windows(coded);
-        let fields = &mut fields.all[..coded.sources.len()];
         let starts = items.map(|item| item.starts(model, width));
         if code.common.columns(part) == KIND_COLUMNS {
             kinds.clear();
             kinds.add(starts.map(|starts| *starts.first_chunk().expect("more columns")));
-            coded.fragment.run_each(scratch, fields, given, kinds.list(0));
+            coded.call(scratch, &code.common, step).run_each(given, kinds.list(0));
         } else {
             windows.clear();
             windows.add(starts);
-            coded.fragment.run_each(scratch, fields, given, windows.list(0));
+            coded.call(scratch, &code.common, step).run_each(given, windows.list(0));
         }
     }
 
@@ -191,6 +133,3 @@ impl<L: Block> Executor<L> for Native<L::Float> {
         true
     }
 }
-
-/// Most fields of a part that is run for contacts.
-const MOST_ITEM_FIELDS: usize = 24;

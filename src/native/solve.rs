@@ -3,13 +3,12 @@
 
 use std::sync::Arc;
 
-use lanesim_codegen::{Block, Float, Scratch, Session};
+use lanesim_codegen::{Block, FieldSlice, Float, Scratch, Session};
 use lanesim_kernels::constraint::{ContactRow, Kind};
 use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
 use lanesim_kernels::part::{Family, Op, Part, Parts, Step};
 
-use super::Fields;
 use super::library::{Coded, KIND_OPS, ModelCode};
 use super::patterns::{Found, Joined};
 use super::places::Places;
@@ -69,9 +68,12 @@ impl<'a, L: Block> Solve<'a, L> {
         // Whatever of them acts later fits where all do.
         let whole = pattern((root, code), found, &constraint.contact_rows, u32::MAX)?;
         let common = &code.common;
-        let mut fields: Fields<'a, _, SESSION_FIELDS> = Fields::empty();
-        let (rows, kinds) = step.lend(session, &mut |field, _, lanes| fields.put(common, field, lanes));
-        let session = Session::new(scratch, code, &fields.all[..fields.len]);
+        let (mut fields, mut len) = ([const { FieldSlice::unused() }; SESSION_FIELDS], 0);
+        let (rows, kinds) = step.lend(session, &mut |field, _, lanes| {
+            fields[len] = common.slice(field, lanes);
+            len += 1;
+        });
+        let session = Session::new(scratch, code, &fields[..len]);
         Some(Solve { root, code, places, rows, kinds, found, factor: whole, whole, chosen: None, session })
     }
 

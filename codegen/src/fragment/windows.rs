@@ -1,11 +1,10 @@
 //! Code that runs once for every item of a list, on windows into larger fields.
 
-use super::{FieldSlice, Fragment, Scratch, Wanted};
+use super::{FieldSlice, Fragment, Lent, Scratch, Wanted};
 use crate::error::CompileError;
 use crate::float::{BLOCK_BYTES, Float};
 use crate::isa::InstructionSet;
 use crate::layout::Columns;
-use crate::native::Arguments;
 use crate::recording::Program;
 
 /// Lists of items, each of which says where windows into fields start, in `N` columns. They are filled once and used by
@@ -113,10 +112,10 @@ impl<const N: usize> WindowsList<'_, N> {
 
     /// Whether the field is what code wants, or has such windows up to the largest start.
     #[inline(always)]
-    pub(super) fn fit<T: Float>(&self, wanted: &Wanted, field: &FieldSlice<'_, T>) -> bool {
+    pub(super) fn fit<T: Float>(&self, wanted: &Wanted, tag: usize) -> bool {
         match self.largest.get(wanted.column) {
-            None => wanted.differs(field.tag) == 0,
-            Some(largest) => wanted.room::<T>(field.tag).is_some_and(|room| *largest <= room),
+            None => wanted.differs(tag) == 0,
+            Some(largest) => wanted.room::<T>(tag).is_some_and(|room| *largest <= room),
         }
     }
 
@@ -170,31 +169,15 @@ impl<T: Float> Fragment<T> {
         masks_in: &[u32],
         windows: WindowsList<'_, N>,
     ) {
-        if windows.is_empty() {
-            return;
-        }
-        assert_eq!(self.columns.as_ref().map(|columns| columns.width), Some(N), "number of columns");
-        assert_eq!(fields.len(), self.fields.len(), "number of fields");
-        assert_eq!(masks_in.len(), self.masks_in, "number of masks given");
-        scratch.reserve(self);
-        for run in 0..self.runs() {
-            if !self.put_addresses(fields, run, scratch, |wanted, field| windows.fit(wanted, field)) {
-                self.refuse_windows(fields, &windows);
-            }
-            let arguments = Arguments { fields: scratch.fields.as_ptr(), ..self.arguments(scratch, masks_in, run) };
-            // SAFETY: as in `run`, for windows: kinds and mutability of all fields have been compared, and from the largest
-            // start of any item on, every field with windows has the recorded number of entries; the offsets are those starts.
-            // The items are as wide as the code was compiled for, and there is one.
-            unsafe { self.machine.code.run_each(&arguments, windows.offsets.as_flattened()) };
-        }
+        self.call_with(scratch, fields).run_each(masks_in, windows);
     }
 
     #[cold]
-    fn refuse_windows<const N: usize>(&self, fields: &[FieldSlice<'_, T>], windows: &WindowsList<'_, N>) -> ! {
-        for (i, ((field, bound), wanted)) in fields.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
-            let (len, writable, largest) = (field.len(), field.tag & 1 != 0, windows.largest);
+    pub(super) fn refuse_windows<const N: usize>(&self, lent: &[Lent], windows: &WindowsList<'_, N>) -> ! {
+        for (i, ((field, bound), wanted)) in lent.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
+            let (len, writable, largest) = (field.tag >> 2, field.tag & 1 != 0, windows.largest);
             assert!(
-                windows.fit(wanted, field),
+                windows.fit::<T>(wanted, field.tag),
                 "field {i}, length {len}, writable {writable}, has no windows as {bound:?} up to starts {largest:?}"
             );
         }

@@ -124,7 +124,8 @@ pub fn rows_of_pairs<T>(model: &Model<T>) -> (Vec<ContactRow>, Classes) {
     let rows: Vec<ContactRow> = (0..).zip(&model.pairs).map(row).collect();
     let of = |pairs: Vec<u32>| pairs.into_iter().map(|pair| rows[pair as usize]).collect();
     let kinds = of_kinds.into_iter().flatten().chain(apart.pairs).collect();
-    let classes = Classes { laws: of(laws.pairs), links: of(links.pairs), couples: of(couples.pairs), kinds: of(kinds) };
+    let classes =
+        Classes { laws: of(laws.pairs), links: of(links.pairs), couples: of(couples.pairs), kinds: of(kinds) };
     (rows, classes)
 }
 
