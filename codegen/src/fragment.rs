@@ -73,21 +73,7 @@ impl<'a, T: Float> FieldSlice<'a, T> {
     fn new(start: *mut u8, len: usize, kind: FieldKind, writable: bool) -> Self {
         FieldSlice { start, tag: tag(len, kind, writable), borrowed: PhantomData }
     }
-
-    #[inline(always)]
-    fn lent(&self) -> Lent {
-        Lent { start: self.start, tag: self.tag }
-    }
 }
-
-/// The same without its borrow.
-#[derive(Clone, Copy)]
-struct Lent {
-    start: *mut u8,
-    tag: usize,
-}
-
-const NOTHING: Lent = Lent { start: std::ptr::null_mut(), tag: 0 };
 
 /// A field's length, kind and mutability as a number; slices are too short for any bit to be lost.
 #[inline(always)]
@@ -129,30 +115,32 @@ impl Wanted {
         self.tag >> 2
     }
 
-    /// Entries from one possible start of a window to the next: see [`Program::compile_each`].
-    #[inline(always)]
-    fn per_start<T: Float>(&self) -> usize {
-        if self.tag & 2 == 0 { 1 } else { BLOCK_BYTES / T::PRECISION.bytes() }
-    }
-
     /// Bits in which the field differs.
     #[inline(always)]
     fn differs(&self, tag: usize) -> usize {
         (tag ^ self.tag) & self.mask
     }
 
-    /// The address of the field for a run on part of a block, by number.
+    /// Whether a field with the tag is what the code wants, or has such windows up to the largest start by column.
     #[inline(always)]
-    fn address(&self, field: Lent, run: usize) -> *mut u8 {
-        field.start.wrapping_add(self.offsets[run])
+    fn fits<T: Float, const N: usize>(&self, tag: usize, largest: &[usize; N]) -> bool {
+        match largest.get(self.column) {
+            None => self.differs(tag) == 0,
+            Some(largest) => self.room::<T>(tag).is_some_and(|room| *largest <= room),
+        }
     }
 
     /// Largest start of a window into a field with the tag; `None`: it has no such windows.
     #[inline(always)]
     fn room<T: Float>(&self, tag: usize) -> Option<usize> {
         let room = (tag >> 2).checked_sub(self.len())?;
-        (self.differs(tag) & 3 == 0).then(|| room / self.per_start::<T>())
+        (self.differs(tag) & 3 == 0).then(|| if self.tag & 2 == 0 { room } else { room / per_start::<T>() })
     }
+}
+
+/// Numbers that worlds share from one possible start of a window to the next: see [`Program::compile_each`].
+const fn per_start<T: Float>() -> usize {
+    BLOCK_BYTES / T::PRECISION.bytes()
 }
 
 /// Memory that fragments work in, one for every thread. It grows to what the largest fragment needs.
@@ -161,9 +149,7 @@ pub struct Scratch {
     slots: Vec<Aligned>,
     masks_in: Vec<u32>,
     masks_out: Vec<u32>,
-    /// The fields of a call; of no meaning between calls.
-    lent: Vec<Lent>,
-    /// Their addresses for one run.
+    /// Addresses of the fields of a call for one run; of no meaning between calls.
     fields: Vec<*mut u8>,
     /// What sessions have bound.
     kept: session::Kept,
@@ -193,11 +179,11 @@ impl Scratch {
     }
 
     /// Makes room for a fragment, so that its runs do not allocate.
+    #[inline]
     pub fn reserve<T: Float>(&mut self, fragment: &Fragment<T>) {
         grow(&mut self.slots, fragment.slot_blocks, ZEROS);
         grow(&mut self.masks_in, fragment.masks_in, 0);
         grow(&mut self.masks_out, fragment.masks_out.len(), 0);
-        grow(&mut self.lent, fragment.fields.len(), NOTHING);
         grow(&mut self.fields, fragment.fields.len(), std::ptr::null_mut());
     }
 }
@@ -321,24 +307,7 @@ impl<T: Float> Fragment<T> {
         masks_in: &[u32],
         masks_out: &mut [u32],
     ) {
-        self.call_with(scratch, fields).run(masks_in, masks_out);
-    }
-
-    /// Runs the code once for every item, one after the other, on parts of larger fields: of each field the recorded number of
-    /// entries from the start that the item gives for it, with a mask of its own, the only one that the code is given. What a
-    /// run writes, the next one reads. Starts beyond the number of fields are of no meaning.
-    ///
-    /// # Panics
-    ///
-    /// If the code returns masks, a field's kind differs from what was recorded, a field that is written was lent for
-    /// reading only, the number of fields or masks differs or is greater than `N`, or a part does not lie within its field.
-    pub fn run_each_masked<const N: usize>(
-        &self,
-        scratch: &mut Scratch,
-        fields: &mut [FieldSlice<'_, T>],
-        items: &[([usize; N], u32)],
-    ) {
-        self.call_with(scratch, fields).run_each_masked(items);
+        self.call_with(scratch, fields, &[]).run(masks_in, masks_out);
     }
 
     /// How often the code runs for a block.
@@ -346,16 +315,14 @@ impl<T: Float> Fragment<T> {
         BLOCK_BYTES / self.statistics.isa.vector_bytes()
     }
 
-    /// Writes down where the fields are, for a run on part of a block; returns whether each `fits`.
+    /// Moves the addresses of fields from a run on part of a block to the next one.
     #[inline(always)]
-    fn put_addresses(&self, run: usize, scratch: &mut Scratch, fits: impl Fn(&Wanted, usize) -> bool) -> bool {
-        let Scratch { lent, fields, .. } = scratch;
-        let mut all = true;
-        for ((address, field), wanted) in fields.iter_mut().zip(&*lent).zip(&self.wanted) {
-            *address = wanted.address(*field, run);
-            all &= fits(wanted, field.tag);
+    fn advance(&self, run: usize, scratch: &mut Scratch) {
+        if run > 0 {
+            for (address, wanted) in scratch.fields.iter_mut().zip(&self.wanted) {
+                *address = address.wrapping_add(wanted.offsets[run].wrapping_sub(wanted.offsets[run - 1]));
+            }
         }
-        all
     }
 
     /// What the code is given beside the fields, for a run on part of a block.
@@ -369,18 +336,12 @@ impl<T: Float> Fragment<T> {
     }
 
     #[cold]
-    fn refuse(&self, lent: &[Lent]) -> ! {
-        for (i, ((field, bound), wanted)) in lent.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
-            let (kind, writable) = (field.tag >> 1 & 1, field.tag & 1);
-            let kind = if kind == 0 { FieldKind::Lanes } else { FieldKind::Uniform };
-            assert!(
-                wanted.differs(field.tag) == 0,
-                "field {i} is {kind:?}, length {}, writable {}; the fragment wants {bound:?}",
-                field.tag >> 2,
-                writable != 0
-            );
-        }
-        unreachable!("some field differs");
+    fn refuse(&self, field: usize, tag: usize, largest: &[usize]) -> ! {
+        let (len, writable) = (tag >> 2, tag & 1 != 0);
+        let kind = if tag & 2 == 0 { FieldKind::Lanes } else { FieldKind::Uniform };
+        let (bound, windows) = (&self.fields[field], largest.get(self.wanted[field].column));
+        let from = windows.map_or(String::new(), |largest| format!(" in windows up to {largest}"));
+        panic!("field {field} is {kind:?}, length {len}, writable {writable}; the fragment wants {bound:?}{from}");
     }
 
     /// Adds the masks that a run returned, whose first lane is `first`.

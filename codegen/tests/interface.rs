@@ -167,61 +167,6 @@ fn fields_lent_for_reading_are_not_written() {
     program.compile(isa).unwrap().run(&mut Scratch::new(), &mut fields, &[], &mut []);
 }
 
-/// Adds the product of two entries to a sum where the mask holds, and writes half of it elsewhere.
-fn sums() -> Program<f64> {
-    record(|r| {
-        let (x, sum, factor) = (r.input(0, 2), r.input(1, 1), r.uniform(3, 1));
-        let mask = r.mask_input();
-        let term = x[0] * x[1] * factor[0];
-        r.output(1, &[Recorder::select(mask, sum[0] + term, sum[0])]);
-        r.output(2, &[term * Recorder::of(0.5)]);
-    })
-}
-
-#[test]
-fn every_part_with_a_mask_of_its_own() {
-    let items = [([0, 1, 3, 0], 0b1010_0110), ([4, 1, 1, 2], 0), ([3, 0, 2, 1], 0b1111_0001)];
-    for isa in instruction_sets() {
-        let (x, mut sum, mut halves, factors) = (ramp(6), ramp(2), ramp(4), [2.0, 3.0, 0.25]);
-        let mut expected = sum.clone();
-        for ([a, b, _, d], mask) in items {
-            let term = x[a] * x[a + 1] * f64x8::splat(factors[d]);
-            expected[b] = f64x8::select(f64x8::mask_of(mask), expected[b] + term, expected[b]);
-        }
-        let mut fields = [
-            FieldSlice::read(&x),
-            FieldSlice::write(&mut sum),
-            FieldSlice::write(&mut halves),
-            FieldSlice::uniform(&factors),
-        ];
-        sums().compile(isa).unwrap().run_each_masked(&mut Scratch::new(), &mut fields, &items);
-        assert_same(isa.name(), &sum, &expected);
-    }
-}
-
-#[test]
-fn parts_beyond_a_field_are_refused() {
-    for isa in instruction_sets() {
-        let fragment = sums().compile(isa).unwrap();
-        for starts in [[5, 0, 0, 0], [0, 2, 0, 0], [0, 0, 4, 0], [0, 0, 0, 3], [usize::MAX, 0, 0, 0]] {
-            let (x, mut sum, mut halves, factors) = (ramp(6), ramp(2), ramp(4), [2.0, 3.0, 0.25]);
-            let mut fields = [
-                FieldSlice::read(&x),
-                FieldSlice::write(&mut sum),
-                FieldSlice::write(&mut halves),
-                FieldSlice::uniform(&factors),
-            ];
-            let run = || fragment.run_each_masked(&mut Scratch::new(), &mut fields, &[(starts, 0)]);
-            assert!(catch_unwind(AssertUnwindSafe(run)).is_err(), "{starts:?}");
-        }
-        let (x, sum, mut halves) = (ramp(6), ramp(2), ramp(4));
-        let mut fields =
-            [FieldSlice::read(&x), FieldSlice::read(&sum), FieldSlice::write(&mut halves), FieldSlice::uniform(&[1.0])];
-        let run = || fragment.run_each_masked(&mut Scratch::new(), &mut fields, &[([0; 4], 0)]);
-        assert!(catch_unwind(AssertUnwindSafe(run)).is_err(), "a written field lent for reading");
-    }
-}
-
 #[test]
 fn a_panic_ends_its_recording() {
     let failed = catch_unwind(AssertUnwindSafe(|| {

@@ -29,16 +29,16 @@ pub struct Coded<T> {
 impl<T: Float> Coded<T> {
     /// A run of the code with its fields lent, each as often as it has windows.
     #[inline(always)]
-    pub fn call<'a>(
+    pub fn call<'a, const N: usize>(
         &'a self,
         scratch: &'a mut Scratch,
-        common: &'a Common<T>,
-        step: &'a mut Step<'_, T::Block>,
-    ) -> Call<'a, T> {
-        let mut call = self.fragment.call(scratch);
+        (common, step): (&'a Common<T>, &'a mut Step<'_, T::Block>),
+        largest: &[usize; N],
+    ) -> Call<'a, T, N> {
+        let mut call = self.fragment.call(scratch, largest);
         step.lend(self.set, &mut |field, _, lanes| {
             let lent = common.slice(field, lanes);
-            if self.twice.has(field) {
+            if N > 0 && self.twice.has(field) {
                 call.put(lent.again());
             }
             call.put(lent);
@@ -163,7 +163,7 @@ impl<T: Float> Common<T> {
     /// Number of columns of the windows that its code runs for; 0: for the block, or one item.
     pub fn columns(&self, part: Part) -> usize {
         match part.op.family() {
-            Family::Options(_) | Family::Group | Family::Shapes => 0,
+            Family::Options(_) | Family::Group => 0,
             Family::Kind if self.rows.kinds[part.of as usize].sides != Sides::Apart => KIND_COLUMNS,
             _ => COLUMNS,
         }

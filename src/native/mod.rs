@@ -56,15 +56,12 @@ pub(crate) struct Native<T: Float> {
     /// Of the items of a call.
     windows: Windows<COLUMNS>,
     kinds: Windows<KIND_COLUMNS>,
-    items: Vec<([usize; ITEM_FIELDS], u32)>,
+    worlds: Vec<u32>,
     /// Of the contacts of the present solve.
     places: Places,
     /// Patterns that contacts have filled in.
     filled: Found,
 }
-
-/// Most fields of a part that is run for items with worlds of their own.
-const ITEM_FIELDS: usize = 12;
 
 impl<T: Float> Native<T> {
     pub fn new(code: Arc<ModelCode<T>>) -> Self {
@@ -72,8 +69,8 @@ impl<T: Float> Native<T> {
         let places = Places::with_capacity(most, &code.common.rows);
         let filled = Found::new(&code.tables);
         let (windows, kinds) = (Windows::with_capacity(1, most), Windows::with_capacity(1, most));
-        let items = Vec::with_capacity(most);
-        Native { root: code.clone(), code, scratch: Scratch::new(), windows, kinds, items, places, filled }
+        let worlds = Vec::with_capacity(most);
+        Native { root: code.clone(), code, scratch: Scratch::new(), windows, kinds, worlds, places, filled }
     }
 }
 
@@ -93,35 +90,42 @@ impl<L: Block> Executor<L> for Native<L::Float> {
         let Some(coded) = code.get(root, part) else {
             return part.run_lanes(&Item::Whole, given, returned, step);
         };
-        coded.call(scratch, &code.common, step).run(&[given][..part.op.masks()[0]], returned);
+        coded.call(scratch, (&*code.common, step), &[]).run(&[given][..part.op.masks()[0]], returned);
     }
 
     fn each(&mut self, part: Part, items: &mut dyn Iterator<Item = Item<'_>>, given: u32, step: &mut Step<'_, L>) {
-        let Native { root, code, scratch, windows, kinds, items: list, .. } = self;
+        let Native { root, code, scratch, windows, kinds, worlds, .. } = self;
         let Some(coded) = code.get(root, part) else {
             items.for_each(|item| part.run_lanes(&item, given, &mut [], step));
             return;
         };
-        let (model, width) = (step.model.model, L::WIDTH);
-        if part.op.family() == Family::Shapes {
-            list.clear();
-            list.extend(items.map(|item| {
-                let starts = item.starts(model, width);
-                let of = |i: usize| coded.sources.get(i).and_then(|source| source.column);
-                (std::array::from_fn(|i| of(i).map_or(0, |column| starts[column])), item.worlds() & given)
-            }));
-            return coded.call(scratch, &code.common, step).run_each_masked(list);
-        }
-        let given = &[given][..part.op.masks()[0]];
-        let starts = items.map(|item| item.starts(model, width));
+        let (model, width, given) = (step.model.model, L::WIDTH, &[given][..part.op.masks()[0]]);
+        let lent = (&*code.common, step);
+        windows.clear();
         if code.common.columns(part) == KIND_COLUMNS {
             kinds.clear();
-            kinds.add(starts.map(|starts| *starts.first_chunk().expect("more columns")));
-            coded.call(scratch, &code.common, step).run_each(given, kinds.list(0));
+            kinds.add(items.map(|item| *item.starts(model, width).first_chunk().expect("more columns")));
+            let list = kinds.list(0);
+            if !list.is_empty() {
+                coded.call(scratch, lent, list.largest()).run_each(given, list);
+            }
+            return;
+        }
+        worlds.clear();
+        windows.add(items.map(|item| {
+            worlds.push(item.worlds());
+            item.starts(model, width)
+        }));
+        let list = windows.list(0);
+        if list.is_empty() {
+            return;
+        }
+        let call = coded.call(scratch, lent, list.largest());
+        if part.op.family() == Family::Shapes {
+            worlds.iter_mut().for_each(|worlds| *worlds &= given[0]);
+            call.run_each_masked(worlds, list);
         } else {
-            windows.clear();
-            windows.add(starts);
-            coded.call(scratch, &code.common, step).run_each(given, windows.list(0));
+            call.run_each(given, list);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Code that runs once for every item of a list, on windows into larger fields.
 
-use super::{FieldSlice, Fragment, Lent, Scratch, Wanted};
+use super::{FieldSlice, Fragment, Scratch};
 use crate::error::CompileError;
 use crate::float::{BLOCK_BYTES, Float};
 use crate::isa::InstructionSet;
@@ -110,13 +110,10 @@ impl<const N: usize> WindowsList<'_, N> {
         self.offsets.len()
     }
 
-    /// Whether the field is what code wants, or has such windows up to the largest start.
+    /// The largest start in every column.
     #[inline(always)]
-    pub(super) fn fit<T: Float>(&self, wanted: &Wanted, tag: usize) -> bool {
-        match self.largest.get(wanted.column) {
-            None => wanted.differs(tag) == 0,
-            Some(largest) => wanted.room::<T>(tag).is_some_and(|room| *largest <= room),
-        }
+    pub fn largest(&self) -> &[usize; N] {
+        self.largest
     }
 
     /// Whether there is no item.
@@ -169,18 +166,25 @@ impl<T: Float> Fragment<T> {
         masks_in: &[u32],
         windows: WindowsList<'_, N>,
     ) {
-        self.call_with(scratch, fields).run_each(masks_in, windows);
+        if !windows.is_empty() {
+            self.call_with(scratch, fields, windows.largest).run_each(masks_in, windows);
+        }
     }
 
-    #[cold]
-    pub(super) fn refuse_windows<const N: usize>(&self, lent: &[Lent], windows: &WindowsList<'_, N>) -> ! {
-        for (i, ((field, bound), wanted)) in lent.iter().zip(&self.fields).zip(&self.wanted).enumerate() {
-            let (len, writable, largest) = (field.tag >> 2, field.tag & 1 != 0, windows.largest);
-            assert!(
-                windows.fit::<T>(wanted, field.tag),
-                "field {i}, length {len}, writable {writable}, has no windows as {bound:?} up to starts {largest:?}"
-            );
+    /// The same with a mask for every item, the only one that the code is given.
+    ///
+    /// # Panics
+    ///
+    /// Likewise, or if there is not one mask for every item.
+    pub fn run_each_masked<const N: usize>(
+        &self,
+        scratch: &mut Scratch,
+        fields: &mut [FieldSlice<'_, T>],
+        masks: &[u32],
+        windows: WindowsList<'_, N>,
+    ) {
+        if !windows.is_empty() {
+            self.call_with(scratch, fields, windows.largest).run_each_masked(masks, windows);
         }
-        unreachable!("some field does not fit");
     }
 }

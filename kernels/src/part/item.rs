@@ -50,7 +50,7 @@ impl Item<'_> {
     }
 
     /// Where its windows start, by column. Those of an element's numbers that `width` worlds share start at whole blocks of as
-    /// many numbers; of rows they are counted in blocks.
+    /// many numbers, and are counted in blocks.
     #[inline(always)]
     pub fn starts<T>(&self, model: &Model<T>, width: usize) -> Starts {
         let shared = |quantity: Quantity, i: u32| stride(quantity, width) * i as usize;
@@ -62,9 +62,9 @@ impl Item<'_> {
                     let [link, tree] = if link == NONE { [0; 2] } else { [link, model.links[link as usize].tree] };
                     [3 * link as usize, 9 * link as usize, 3 * tree as usize]
                 });
-                let [geom1, geom2] = [pair.geom1, pair.geom2].map(|geom| shared(Quantity::Geom, geom));
+                let [geom1, geom2] = [pair.geom1, pair.geom2].map(|geom| shared(Quantity::Geom, geom) / width);
                 let first = near.first as usize;
-                let include = shared(Quantity::Include, near.pair);
+                let include = shared(Quantity::Include, near.pair) / width;
                 [pos1, rot1, origin1, geom1, pos2, rot2, origin2, geom2, include, 13 * first, first, 0, 0]
             }
             Item::Row(row) => {
