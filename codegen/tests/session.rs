@@ -131,7 +131,7 @@ fn calls_stay_bound_as_long_as_their_fields_are_the_same() {
 fn calls_of_other_code_are_dropped() {
     for isa in instruction_sets() {
         let single = sum().compile(isa).unwrap();
-        let (x, mut y, mut scratch) = (ramp(3), ramp(2), Scratch::new());
+        let (x, mut y, mut scratch) = (ramp(1), ramp(1), Scratch::new());
         let [first, second] = [Arc::new(()), Arc::new(())];
         let mut bound = |owner, bind: bool| {
             let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y)];

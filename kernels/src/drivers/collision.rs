@@ -18,7 +18,8 @@ pub fn collide<L: LaneQuery>(
     executor: &mut dyn Executor<L>,
 ) -> u32 {
     step.ws.collision.slots.clear();
-    let any = if executor.in_groups() { test_groups(step, alive, executor) } else { test_pairs(step, alive) };
+    let groups = executor.in_groups() && !step.ws.collision.groups.is_empty();
+    let any = if groups { test_groups(step, alive, executor) } else { test_pairs(step, alive) };
     if !any {
         return 0;
     }
