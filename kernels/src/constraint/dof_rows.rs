@@ -25,13 +25,19 @@ pub fn all_dof_rows<T: Real>(model: &Model<T>) -> impl Iterator<Item = DofRow> {
     frictions.chain(limits)
 }
 
-/// Numbers of the rows of the constraint's list; returns the worlds in which some of them acts.
-pub fn dof_lanes<L: Lane>(model: Instance<'_, L>, qpos: &[L], qvel: &[L], constraint: &mut Constraint<L>) -> L::Mask {
+/// Numbers of the rows of the constraint's list, which act in worlds of `alive` alone; returns those in which some of them does.
+pub fn dof_lanes<L: Lane>(
+    model: Instance<'_, L>,
+    qpos: &[L],
+    qvel: &[L],
+    alive: L::Mask,
+    constraint: &mut Constraint<L>,
+) -> L::Mask {
     let mut some = L::zero().lt(L::zero());
     let Constraint { dof_rows, dof_lanes, .. } = constraint;
     for (row, lanes) in dof_rows.iter().zip(dof_lanes) {
         let violated = violation(&model, row, qpos, qvel);
-        let acts = violated.pos.lt(L::zero());
+        let acts = if row.kind == DofRowKind::Friction { alive } else { violated.pos.lt(L::zero()) & alive };
         *lanes = numbers(model, row, violated, qvel, acts);
         some = some | lanes[4].gt(L::zero());
     }
@@ -100,7 +106,7 @@ fn numbers<L: Lane>(
     if row.kind == DofRowKind::Friction {
         let friction = &model.friction_losses[row.id as usize];
         let d = L::one() / model.regulariser(row.id as usize);
-        return [x, y, z, pos, d, L::splat(friction.b) * qvel[row.dof as usize]];
+        return [x, y, z, pos, L::select(acts, d, L::zero()), L::splat(friction.b) * qvel[row.dof as usize]];
     }
     let Limit { impedance, .. } = &model.limits[row.id as usize];
     let (d, reference) = self::row(&impedance.lanes(), pos, speed, model.limit_weight(row.id as usize), L::one());

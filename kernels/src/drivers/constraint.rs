@@ -9,8 +9,8 @@ use crate::part::{Executor, OneByOne, Op, Part, Parts, Step};
 /// Numbers of all rows on joints; lists the contacts that act in some world, closer than their margin, with their numbers.
 pub fn rows<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn Executor<L>) {
     let mut act = [0];
-    executor.run(Part::new(Op::Joints), 0, &mut act, step);
-    step.ws.constraint.joint_lanes = act[0] & alive;
+    executor.run(Part::new(Op::Joints), alive, &mut act, step);
+    step.ws.constraint.joint_lanes = act[0];
     list(&step.model, &step.ws.collision, &mut step.ws.constraint);
     if !step.ws.constraint.contact_rows.is_empty() {
         OneByOne::run(executor, step, &mut measure);

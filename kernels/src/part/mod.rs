@@ -161,9 +161,10 @@ parts! {
             collision::narrow_parallel(step.model, near.pair, worlds, &step.ws.position, found);
         };
     /// [`constraint::dof_lanes`]: rows on joints; where some act.
-    Joints: "joints", Constraint, WHOLE, 0 => 1, shared [], changes ["constraint.dof_lanes"],
-        |_, step, _, (_, put)| {
-            put(constraint::dof_lanes(step.model, &step.state.qpos, &step.state.qvel, &mut step.ws.constraint));
+    Joints: "joints", Constraint, WHOLE, 1 => 1, shared [], changes ["constraint.dof_lanes"],
+        |_, step, _, (alive, put)| {
+            let Step { model, state, ws, .. } = step;
+            put(constraint::dof_lanes(*model, &state.qpos, &state.qvel, alive, &mut ws.constraint));
         };
     /// [`constraint::measure`]: numbers of the rows of a contact one side of which stands still.
     Measure: "rows", Constraint, Family::Law, 0 => 0, shared [Quantity::Law],
