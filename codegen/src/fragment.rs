@@ -4,7 +4,6 @@ mod call;
 mod session;
 mod windows;
 
-pub use call::Call;
 pub use session::Session;
 pub use windows::{Windows, WindowsList};
 
@@ -49,13 +48,6 @@ impl<'a, T: Float> FieldSlice<'a, T> {
     #[inline(always)]
     pub fn write(lanes: &'a mut [T::Block]) -> Self {
         Self::new(lanes.as_mut_ptr().cast(), lanes.len(), FieldKind::Lanes, true)
-    }
-
-    /// The same field once more, for code that has several windows into it. Windows of an item in which both write must not
-    /// overlap, or what they hold in the end is either's.
-    #[inline(always)]
-    pub fn again(&self) -> Self {
-        FieldSlice { start: self.start, tag: self.tag, borrowed: PhantomData }
     }
 
     /// A field of numbers that all worlds share.

@@ -11,6 +11,17 @@ use lanesim_kernels::lane::{Lane, LaneQuery, Mask};
 use support::{assert_same, instruction_sets};
 use wide::f64x8;
 
+/// A session that lends the fields under numbers from 0 on.
+fn session<'a, const N: usize>(
+    scratch: &'a mut Scratch,
+    owner: &Arc<()>,
+    fields: [FieldSlice<'a, f64>; N],
+) -> Session<'a, f64> {
+    let mut session = Session::new(scratch, owner);
+    session.lend(0, fields);
+    session
+}
+
 fn ramp(n: usize) -> Vec<f64x8> {
     (0..n).map(|i| f64x8::new(std::array::from_fn(|lane| (10 * i + lane) as f64 - 20.5))).collect()
 }
@@ -54,9 +65,9 @@ fn bound_calls_run_as_often_as_asked() {
         let mut windows = list(&[[4, 0], [5, 1], [1, 2], [3, 1]]);
         let fields =
             [FieldSlice::read(&x[2..3]), FieldSlice::write(&mut y), FieldSlice::read(&x), FieldSlice::write(&mut z)];
-        let mut session = Session::new(&mut scratch, &owner, &fields);
+        let mut session = self::session(&mut scratch, &owner, fields);
         session.bind(0, &single, 0..2);
-        session.bind_each(7, &each, 2..4);
+        session.bind(7, &each, 2..4);
         assert!(session.has(0) && session.has(7) && !session.has(3) && !session.has(8));
         drop((single, each));
         for _ in 0..3 {
@@ -86,9 +97,9 @@ fn parts_of_a_block_without_any_of_the_lanes_are_left_out() {
         let sum = f64x8::select(f64x8::mask_of(touched), y[0] + x[0], y[0]);
         let (single, each, mut scratch) = (self::sum().compile(isa).unwrap(), sums(isa), Scratch::new());
         let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y), FieldSlice::write(&mut z)];
-        let mut session = Session::new(&mut scratch, &owner, &fields);
+        let mut session = self::session(&mut scratch, &owner, fields);
         session.bind(0, &single, [0, 1].into_iter());
-        session.bind_each(1, &each, [0, 2].into_iter());
+        session.bind(1, &each, [0, 2].into_iter());
         let positive = f64x8::bits(sum.gt(f64x8::zero())) & touched;
         assert_eq!(session.run(0, u32::MAX, 1 << 5), Some([positive, touched]), "{}", isa.name());
         assert_eq!(session.run(0, u32::MAX, 0).map(|[_, known]| known), Some(if touched == 0xff { 0xff } else { 0 }));
@@ -105,24 +116,101 @@ fn calls_stay_bound_as_long_as_their_fields_are_the_same() {
         let (single, mut scratch) = (sum().compile(isa).unwrap(), Scratch::new());
         {
             let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y), FieldSlice::write(&mut z)];
-            let mut session = Session::new(&mut scratch, &owner, &fields);
+            let mut session = self::session(&mut scratch, &owner, fields);
             session.bind(0, &single, [0, 1].into_iter());
             session.bind(1, &single, [0, 2].into_iter());
         }
         drop(single);
         {
             let fields = [FieldSlice::<f64>::read(&x), FieldSlice::write(&mut y), FieldSlice::read(&longer)];
-            let mut session = Session::new(&mut scratch, &owner, &fields);
+            let mut session = self::session(&mut scratch, &owner, fields);
             assert!(session.has(0) && !session.has(1), "but for the one whose field is another");
             assert!(session.run(0, u32::MAX, u32::MAX).is_some());
             assert_eq!(session.run(1, 0, u32::MAX), None);
         }
         assert_same(isa.name(), &y, &[x[0] + x[0]]);
         let fields = [FieldSlice::<f64>::read(&x), FieldSlice::read(&y), FieldSlice::write(&mut z)];
-        assert!(!Session::new(&mut scratch, &owner, &fields).has(0), "a field that is lent for reading only");
-        let numbers = [0_f32; 16];
-        let single = [FieldSlice::<f32>::uniform(&numbers), FieldSlice::unused(), FieldSlice::unused()];
-        assert!(!Session::new(&mut scratch, &owner, &single).has(0));
+        assert!(!session(&mut scratch, &owner, fields).has(0), "a field that is lent for reading only");
+        assert!(!Session::<f32>::new(&mut scratch, &owner).has(0), "another type of numbers");
+    }
+}
+
+/// Where the fields of a step are at another place next time, their calls go there.
+#[test]
+fn calls_follow_fields_that_move() {
+    let owner = Arc::new(());
+    for isa in instruction_sets() {
+        let (x, mut places, mut scratch) = ([ramp(1), ramp(2)], [ramp(1), ramp(1), ramp(1)], Scratch::new());
+        let (single, each) = (sum().compile(isa).unwrap(), sums(isa));
+        let mut bound = 0;
+        for round in 0..6 {
+            let expected = places[round % 3][0] + x[1][1] + x[1][1];
+            let place = &mut places[round % 3];
+            let mut session = self::session(&mut scratch, &owner, [FieldSlice::read(&x[1][1..]), FieldSlice::write(place)]);
+            for (call, code) in [(0, &single), (1, &each)] {
+                if !session.has(call) {
+                    session.bind(call, code, 0..2);
+                    bound += 1;
+                }
+            }
+            session.run(0, u32::MAX, u32::MAX).unwrap();
+            session.run_each(1, [u32::MAX; 2], list(&[[0, 0]]).list(0)).unwrap();
+            assert_same(isa.name(), &places[round % 3], &[expected]);
+        }
+        assert_eq!(bound, 4, "anew when the field moves for the first time, and no more");
+    }
+}
+
+/// A session that lends only some of the fields runs calls on these, and no others.
+#[test]
+fn calls_wait_for_fields_that_are_not_lent() {
+    let owner = Arc::new(());
+    for isa in instruction_sets() {
+        let (x, mut y, single, mut scratch) = (ramp(1), ramp(1), sum().compile(isa).unwrap(), Scratch::new());
+        let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y)];
+        self::session(&mut scratch, &owner, fields).bind(0, &single, 0..2);
+        let mut without = self::session(&mut scratch, &owner, [FieldSlice::read(&x)]);
+        assert!(without.has(0));
+        assert!(catch_unwind(AssertUnwindSafe(|| without.run(0, 0, 0))).is_err());
+        assert!(catch_unwind(AssertUnwindSafe(|| without.bind(1, &single, 0..2))).is_err());
+        let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y)];
+        assert!(self::session(&mut scratch, &owner, fields).run(0, 0, u32::MAX).is_some());
+    }
+}
+
+/// Any number of masks, and items with masks of their own.
+#[test]
+fn masks_in_and_out() {
+    let owner = Arc::new(());
+    for isa in instruction_sets() {
+        let (x, mut sum) = (ramp(6), ramp(2));
+        let mut r = Recording::<f64>::new();
+        let lanes = r.input(0, 6);
+        for lane in lanes {
+            r.mask_output(lane.gt(Recorder::zero()));
+        }
+        r.mask_output(Mask::splat(true));
+        let (many, each, mut scratch) = (r.finish().compile(isa).unwrap(), sums(isa), Scratch::new());
+        let (items, masks) = ([[0, 1], [4, 1], [3, 0]], [0b1010_0110, 0, 0b1111_0001]);
+        let mut expected = sum.clone();
+        for ([from, to], mask) in items.into_iter().zip(masks) {
+            expected[to] = f64x8::select(f64x8::mask_of(mask), expected[to] + x[from], expected[to]);
+        }
+        let mut session = self::session(&mut scratch, &owner, [FieldSlice::read(&x), FieldSlice::write(&mut sum)]);
+        session.bind(0, &many, 0..1);
+        session.bind(1, &each, 0..2);
+        let mut returned = [0; 7];
+        session.run_into(0, 0, &mut returned).unwrap();
+        for (mask, x) in returned.iter().zip(&x) {
+            assert_eq!(*mask, f64x8::bits(x.gt(f64x8::zero())), "{}", isa.name());
+        }
+        assert_eq!(returned[6], 0xff);
+        assert!(catch_unwind(AssertUnwindSafe(|| session.run(0, 0, 0))).is_err(), "more masks than two");
+        assert!(catch_unwind(AssertUnwindSafe(|| session.run_into(0, 0, &mut [0; 2]))).is_err());
+        session.run_each_masked(1, &masks, list(&items).list(0)).unwrap();
+        let few = || session.run_each_masked(1, &masks[1..], list(&items).list(0));
+        assert!(catch_unwind(AssertUnwindSafe(few)).is_err(), "a mask for every item");
+        assert_same(isa.name(), &sum, &expected);
     }
 }
 
@@ -135,7 +223,7 @@ fn calls_of_other_code_are_dropped() {
         let [first, second] = [Arc::new(()), Arc::new(())];
         let mut bound = |owner, bind: bool| {
             let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y)];
-            let mut session = Session::new(&mut scratch, owner, &fields);
+            let mut session = self::session(&mut scratch, owner, fields);
             let has = session.has(0);
             if bind {
                 session.bind(0, &single, 0..2);
@@ -156,7 +244,7 @@ fn what_does_not_fit_is_refused() {
         let refused_fields = |x: usize, y: usize, writable: bool| {
             let (single, x, mut y) = (sum().compile(isa).unwrap(), ramp(x), ramp(y));
             let y = if writable { FieldSlice::write(&mut y) } else { FieldSlice::read(&y) };
-            let bind = || Session::new(&mut Scratch::new(), &owner, &[FieldSlice::read(&x), y]).bind(0, &single, 0..2);
+            let bind = || session(&mut Scratch::new(), &owner, [FieldSlice::read(&x), y]).bind(0, &single, 0..2);
             catch_unwind(AssertUnwindSafe(bind)).is_err()
         };
         assert!(!refused_fields(1, 1, true));
@@ -165,9 +253,9 @@ fn what_does_not_fit_is_refused() {
             let (each, x, mut y) = (sums(isa), ramp(len), ramp(4));
             let run = || {
                 let mut scratch = Scratch::new();
-                let mut session =
-                    Session::new(&mut scratch, &owner, &[FieldSlice::read(&x), FieldSlice::write(&mut y)]);
-                session.bind_each(0, &each, 0..2);
+                let fields = [FieldSlice::read(&x), FieldSlice::write(&mut y)];
+                let mut session = session(&mut scratch, &owner, fields);
+                session.bind(0, &each, 0..2);
                 session.run_each(0, [0, u32::MAX], list(run).list(0)).unwrap();
             };
             catch_unwind(AssertUnwindSafe(run)).is_err()
@@ -178,8 +266,9 @@ fn what_does_not_fit_is_refused() {
         let (each, field) = (sums(isa), ramp(1));
         let mismatched = || {
             let mut scratch = Scratch::new();
-            let mut session = Session::new(&mut scratch, &owner, &[FieldSlice::read(&field)]);
+            let mut session = session(&mut scratch, &owner, [FieldSlice::read(&field)]);
             session.bind(0, &each, [0, 0].into_iter());
+            session.run(0, 0, u32::MAX);
         };
         assert!(catch_unwind(AssertUnwindSafe(mismatched)).is_err(), "code for windows, without windows");
     }

@@ -7,7 +7,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use lanesim_codegen::{FieldSlice, Float, Fragment, InstructionSet, Program, Recorder, Recording, Scratch, Windows};
 use lanesim_kernels::lane::{Lane, LaneQuery};
 use support::{assert_same, instruction_sets};
-use wide::f64x8;
 
 fn ramp<L: LaneQuery>(n: usize) -> Vec<L> {
     let lane = |i: usize| {
@@ -39,30 +38,6 @@ fn list(items: &[[usize; 3]]) -> Windows<3> {
     let mut windows = Windows::with_capacity(1, items.len());
     windows.add(items.iter().copied());
     windows
-}
-
-#[test]
-fn every_item_with_a_mask_of_its_own() {
-    let items = [[0, 1, 3], [4, 1, 1], [3, 0, 2]];
-    let masks = [0b1010_0110, 0, 0b1111_0001];
-    for isa in instruction_sets() {
-        let (x, mut sum, mut halves, factors) = (ramp::<f64x8>(6), ramp(2), ramp(4), [2.0, 0.25]);
-        let mut expected: Vec<f64x8> = sum.clone();
-        for ([a, b, _], mask) in items.into_iter().zip(masks) {
-            let term = x[a] * x[a + 1] * f64x8::splat(factors[1]);
-            expected[b] = f64x8::select(f64x8::mask_of(mask), expected[b] + term, expected[b]);
-        }
-        let (sum_field, halves_field) = (FieldSlice::write(&mut sum), FieldSlice::write(&mut halves));
-        let mut fields = [FieldSlice::read(&x), sum_field, halves_field, FieldSlice::uniform(&factors)];
-        let (fragment, windows) = (each::<f64>(isa), list(&items));
-        let mut run = |masks: &[u32]| {
-            let run = || fragment.run_each_masked(&mut Scratch::new(), &mut fields, masks, windows.list(0));
-            catch_unwind(AssertUnwindSafe(run)).is_ok()
-        };
-        assert!(run(&masks));
-        assert!(!run(&masks[1..]), "a mask for every item");
-        assert_same(isa.name(), &sum, &expected);
-    }
 }
 
 fn one_after_the_other<T: Float>() {

@@ -2,13 +2,13 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use lanesim_codegen::{Call, CompileError, FieldSlice, Float, Fragment, InstructionSet, Recording, Scratch};
+use lanesim_codegen::{CompileError, FieldSlice, Float, Fragment, InstructionSet, Recording, Scratch, Session};
 use lanesim_kernels::collision::{self, Class, Near};
 use lanesim_kernels::constraint::{self, Classes, ContactRow};
 use lanesim_kernels::lane::LaneQuery;
 use lanesim_kernels::model::{Model as Tables, Pattern, Quantities, Quantity, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{COLUMNS, Family, FieldSet, Item, KIND_COLUMNS, Lanes, Op, Part, Step, stride};
+use lanesim_kernels::part::{Borrower, COLUMNS, Family, Group, Groups, Item, KIND_COLUMNS, Lanes, Op, Part, Step, stride};
 use lanesim_kernels::solver;
 use lanesim_kernels::stage::Stage;
 
@@ -21,29 +21,38 @@ pub struct Coded<T> {
     pub fragment: Fragment<T>,
     /// Its fields in a step.
     pub sources: Vec<Source>,
-    /// The same as a set, and those of them with two windows.
-    pub set: FieldSet,
-    twice: FieldSet,
+    /// The groups that these belong to.
+    pub groups: Groups,
 }
 
 impl<T: Float> Coded<T> {
-    /// A run of the code with its fields lent, each as often as it has windows.
+    /// Makes it ready as a call of a session.
+    #[cold]
+    pub fn bind(&self, session: &mut Session<'_, T>, call: usize) {
+        session.bind(call, &self.fragment, self.sources.iter().map(|source| source.field));
+    }
+}
+
+/// Lends the fields of a step to a session.
+struct Lender<'a, T> {
+    session: Session<'a, T>,
+    shared: &'a [Vec<T>; Quantity::SHARED.len()],
+}
+
+impl<'a, T: Float> Borrower<'a, T::Block> for Lender<'a, T> {
     #[inline(always)]
-    pub fn call<'a, const N: usize>(
-        &'a self,
-        scratch: &'a mut Scratch,
-        (common, step): (&'a Common<T>, &'a mut Step<'_, T::Block>),
-        largest: &[usize; N],
-    ) -> Call<'a, T, N> {
-        let mut call = self.fragment.call(scratch, largest);
-        step.lend(self.set, &mut |field, _, lanes| {
-            let lent = common.slice(field, lanes);
-            if N > 0 && self.twice.has(field) {
-                call.put(lent.again());
-            }
-            call.put(lent);
-        });
-        call
+    fn take<const N: usize>(&mut self, group: Group, _: [&'static str; N], fields: [Lanes<'a, T::Block>; N]) {
+        let Lender { session, shared } = self;
+        if group == Group::Shared {
+            return session.lend(group.first(), shared.each_ref().map(|numbers| FieldSlice::uniform(numbers)));
+        }
+        session.lend(
+            group.first(),
+            fields.map(|lanes| match lanes {
+                Lanes::Write(lanes) => FieldSlice::write(lanes),
+                Lanes::Read(lanes) => FieldSlice::read(lanes),
+            }),
+        );
     }
 }
 
@@ -60,8 +69,8 @@ pub struct Common<T> {
     groups: Vec<Vec<u32>>,
     /// By [`Op`], the number of its first part; then that of all.
     bases: Vec<usize>,
-    /// Numbers that all worlds share, by [`Quantity`].
-    shared: Vec<Vec<T>>,
+    /// Numbers that all worlds share, in the order of [`Quantity::SHARED`].
+    shared: [Vec<T>; Quantity::SHARED.len()],
     /// The code for sets in which something varies.
     varying: Mutex<Vec<Arc<ModelCode<T>>>>,
 }
@@ -77,8 +86,8 @@ pub struct ModelCode<T> {
     reads: Vec<OnceLock<Quantities>>,
     structure: OnceLock<Structure<T>>,
     pub patterns: Arc<Patterns<T>>,
-    /// Fields of parts of a solve; `None`: not all of these have code.
-    solves: OnceLock<Option<FieldSet>>,
+    /// Whether all parts of a solve have code.
+    solves: OnceLock<bool>,
 }
 
 impl<T: Float> Common<T> {
@@ -109,14 +118,14 @@ impl<T: Float> Common<T> {
         let width = <T::Block as LaneQuery>::WIDTH;
         let shared = |quantity: Quantity| {
             let (len, padding) = (quantity.width(), stride(quantity, width) - quantity.width());
-            let numbers = if Quantity::SHARED.has(quantity) { quantity.of(tables) } else { vec![] };
+            let numbers = quantity.of(tables);
             let zeros = std::iter::repeat_n(T::default(), padding);
             let padded = numbers.chunks(len).flat_map(|element| element.iter().copied().chain(zeros.clone()));
             let mut numbers: Vec<T> = padded.collect();
             numbers.truncate(numbers.len().saturating_sub(padding));
             numbers
         };
-        let shared = Quantity::ALL.into_iter().map(shared).collect();
+        let shared = Quantity::SHARED.map(shared);
         Common { isa, shapes, rows, groups, bases, shared, varying: Mutex::default() }
     }
 
@@ -202,22 +211,6 @@ impl<T: Float> Common<T> {
             }
             _ => format!("{kind}, links {} {}", pair.link1, links[0]),
         }
-    }
-
-    /// A field that is lent: lanes, or numbers that all worlds share.
-    #[inline(always)]
-    pub fn slice<'a>(&'a self, field: usize, lanes: Lanes<'a, T::Block>) -> FieldSlice<'a, T> {
-        match lanes {
-            Lanes::Write(lanes) => FieldSlice::write(lanes),
-            Lanes::Read(lanes) => self.numbers(field).unwrap_or_else(|| FieldSlice::read(lanes)),
-        }
-    }
-
-    #[inline(always)]
-    fn numbers(&self, field: usize) -> Option<FieldSlice<'_, T>> {
-        let quantity = field.checked_sub(Step::<T>::VARIED)?;
-        let numbers = self.shared.get(quantity)?;
-        (!numbers.is_empty()).then(|| FieldSlice::uniform(numbers))
     }
 }
 
@@ -339,14 +332,8 @@ impl<T: Float> ModelCode<T> {
             KIND_COLUMNS => program.compile_each::<KIND_COLUMNS>(isa, &columns),
             _ => program.compile_each::<COLUMNS>(isa, &columns),
         }?;
-        let (mut set, mut twice) = (FieldSet::default(), FieldSet::default());
-        for Source { field, .. } in &sources {
-            if set.has(*field) {
-                twice.add(*field);
-            }
-            set.add(*field);
-        }
-        Ok(Coded { fragment: fragment.named(&self.common.name(&self.tables, part)), sources, set, twice })
+        let groups = sources.iter().map(|source| Group::of(source.field)).collect();
+        Ok(Coded { fragment: fragment.named(&self.common.name(&self.tables, part)), sources, groups })
     }
 
     /// The code of a part on a filled pattern.
@@ -394,30 +381,31 @@ impl<T: Float> ModelCode<T> {
         Op::ALL.iter().flat_map(|op| self.common.parts(*op)).filter(wanted)
     }
 
-    /// The fields that parts of a solve have to do with, if all have code but for those of single pairs and of filled patterns.
+    /// Whether all parts of a solve have code, but for those of single pairs and of filled patterns.
     #[inline]
-    pub fn solves(self: &Arc<Self>, root: &Arc<Self>) -> Option<FieldSet> {
+    pub fn solves(self: &Arc<Self>, root: &Arc<Self>) -> bool {
         *self.solves.get_or_init(|| {
             let filled = |part: &Part| matches!(part.op, Op::Descend | Op::Polish) && part.of == 1;
-            let of_solve = |part: &Part| part.op.stage() == Stage::Solver;
-            let set = |part| self.get(root, part).map(|coded| coded.set);
-            let mut fields = FieldSet::default();
-            for part in self.wanted().filter(|part| of_solve(part) && !filled(part)) {
-                fields = fields.or(set(part)?);
-            }
-            // Of those of single pairs, some stand for all.
-            let Classes { couples, kinds, .. } = &self.common.rows;
-            for sides in [Sides::Two, Sides::Apart] {
-                let first = |rows: &[ContactRow]| rows.iter().copied().find(|row| row.sides == sides);
-                let couple = (Op::Couple, first(couples));
-                let of_kind = KIND_OPS.map(|op| (op, first(kinds)));
-                for (op, row) in of_kind.into_iter().chain([couple]) {
-                    let code = row.and_then(|row| set(row.part(op)));
-                    fields = fields.or(code.unwrap_or_default());
-                }
-            }
-            Some(fields)
+            let of_solve = |part: &Part| part.op.stage() == Stage::Solver && !filled(part);
+            self.wanted().filter(of_solve).all(|part| self.get(root, part).is_some())
         })
+    }
+
+    /// Lends groups of fields to a session, and the list of contacts.
+    #[inline(never)]
+    pub fn lend<'a>(
+        self: &'a Arc<Self>,
+        groups: Groups,
+        (scratch, step): (&'a mut Scratch, &'a mut Step<'_, T::Block>),
+    ) -> (Session<'a, T>, &'a [ContactRow]) {
+        let mut lender = Lender { session: Session::new(scratch, self), shared: &self.common.shared };
+        let rows = step.lend(groups, &mut lender);
+        (lender.session, rows)
+    }
+
+    /// Whether anything varies.
+    pub fn varies(&self) -> bool {
+        !self.set.is_empty()
     }
 
     /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.

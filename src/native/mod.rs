@@ -23,6 +23,10 @@ use patterns::Found;
 use places::Places;
 use solve::Solve;
 
+/// What was found has a number, and what was bound is bound.
+const CODED: &str = "a part with code";
+const BOUND: &str = "a call that was just bound";
+
 /// The code of a model for one number type, by instruction set, made at first use.
 pub(crate) struct Codes<T: Float>([OnceLock<Result<Arc<ModelCode<T>>, String>>; 2]);
 
@@ -90,7 +94,12 @@ impl<L: Block> Executor<L> for Native<L::Float> {
         let Some(coded) = code.get(root, part) else {
             return part.run_lanes(&Item::Whole, given, returned, step);
         };
-        coded.call(scratch, (&*code.common, step), &[]).run(&[given][..part.op.masks()[0]], returned);
+        let call = code.common.number(part).expect(CODED);
+        let (mut session, _) = code.lend(coded.groups, (scratch, step));
+        if session.run_into(call, given, returned).is_none() {
+            coded.bind(&mut session, call);
+            session.run_into(call, given, returned).expect(BOUND);
+        }
     }
 
     fn each(&mut self, part: Part, items: &mut dyn Iterator<Item = Item<'_>>, given: u32, step: &mut Step<'_, L>) {
@@ -99,34 +108,27 @@ impl<L: Block> Executor<L> for Native<L::Float> {
             items.for_each(|item| part.run_lanes(&item, given, &mut [], step));
             return;
         };
-        let (model, width, given) = (step.model.model, L::WIDTH, &[given][..part.op.masks()[0]]);
-        let lent = (&*code.common, step);
-        windows.clear();
+        let (model, width) = (step.model.model, L::WIDTH);
+        let call = code.common.number(part).expect(CODED);
+        let (mut session, masks) = (code.lend(coded.groups, (scratch, step)).0, [given, u32::MAX]);
+        if !session.has(call) {
+            coded.bind(&mut session, call);
+        }
         if code.common.columns(part) == KIND_COLUMNS {
             kinds.clear();
             kinds.add(items.map(|item| *item.starts(model, width).first_chunk().expect("more columns")));
-            let list = kinds.list(0);
-            if !list.is_empty() {
-                coded.call(scratch, lent, list.largest()).run_each(given, list);
-            }
-            return;
+            return session.run_each(call, masks, kinds.list(0)).expect(BOUND);
         }
-        worlds.clear();
+        (windows.clear(), worlds.clear());
         windows.add(items.map(|item| {
-            worlds.push(item.worlds());
+            worlds.push(item.worlds() & given);
             item.starts(model, width)
         }));
-        let list = windows.list(0);
-        if list.is_empty() {
-            return;
+        match part.op.family() {
+            Family::Shapes => session.run_each_masked(call, worlds, windows.list(0)),
+            _ => session.run_each(call, masks, windows.list(0)),
         }
-        let call = coded.call(scratch, lent, list.largest());
-        if part.op.family() == Family::Shapes {
-            worlds.iter_mut().for_each(|worlds| *worlds &= given[0]);
-            call.run_each_masked(worlds, list);
-        } else {
-            call.run_each(given, list);
-        }
+        .expect(BOUND);
     }
 
     fn solve(&mut self, step: &mut Step<'_, L>, run: &mut dyn FnMut(&mut dyn Parts)) -> bool {

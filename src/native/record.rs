@@ -4,7 +4,7 @@
 use lanesim_codegen::{Float, Program, Recorder, Recording};
 use lanesim_kernels::lane::{Lane, Mask};
 use lanesim_kernels::model::{Instance, Model, Pattern, Quantities, Quantity, Varied};
-use lanesim_kernels::part::{Item, Lanes, Name, Op, Part, Step};
+use lanesim_kernels::part::{Group, Item, Lanes, Name, Op, Part, Step};
 use lanesim_kernels::stage::{Stage, Stages};
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::workspace::Workspace;
@@ -103,7 +103,7 @@ impl<T: Float> Binder<'_, T> {
     /// Numbers that vary, and those that all worlds share.
     fn varied(&mut self, shared: Quantities, varied: &mut Varied<Recorder<T>>) {
         for quantity in varied.set().iter() {
-            let (field, name) = (Step::<Recorder<T>>::VARIED + quantity as usize, ["varied", quantity.name()]);
+            let (field, name) = (Group::Varied.first() + quantity as usize, ["varied", quantity.name()]);
             let lanes = varied.lanes_mut(quantity);
             if !shared.has(quantity) {
                 self.input(field, name, lanes);
@@ -141,7 +141,7 @@ pub fn record<T: Float>(part: Part, item: &Item<'_>, subject: &Subject<'_, T>) -
     binder.varied(shared, &mut varied);
     let mut applied = (part.op == Op::Smooth && part.of & 1 != 0).then(|| Applied::new(&tables.sizes));
     if let Some(applied) = &mut applied {
-        let mut field = State::<Recorder<T>>::COUNT;
+        let mut field = Group::Applied.first();
         applied.for_each(&mut |view| {
             binder.input(field, ["applied", view.name], view.data);
             field += 1;
@@ -178,7 +178,7 @@ pub fn record<T: Float>(part: Part, item: &Item<'_>, subject: &Subject<'_, T>) -
     program.renumber(&uses);
     let sources: Vec<Source> = uses.iter().filter_map(|number| binder.sources[*number]).collect();
     let read = |quantity: &Quantity| {
-        let field = Step::<Recorder<T>>::VARIED + *quantity as usize;
+        let field = Group::Varied.first() + *quantity as usize;
         set.has(*quantity) && sources.iter().any(|source| source.field == field)
     };
     let reads: Vec<Quantity> = Quantity::ALL.into_iter().filter(read).collect();

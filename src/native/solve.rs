@@ -3,20 +3,19 @@
 
 use std::sync::Arc;
 
-use lanesim_codegen::{Block, FieldSlice, Float, Scratch, Session};
-use lanesim_kernels::constraint::{ContactRow, Kind};
+use lanesim_codegen::{Block, Float, Scratch, Session};
+use lanesim_kernels::constraint::ContactRow;
 use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{Family, Op, Part, Parts, Step};
+use lanesim_kernels::part::{Group, Op, Part, Parts, Step};
 
+use super::BOUND;
 use super::library::{Coded, KIND_OPS, ModelCode};
 use super::patterns::{Found, Joined};
 use super::places::Places;
 
 /// What the type says that holds them: parts for which there is no code are not bound.
 const COMPILED: &str = "all parts have code";
-const BOUND: &str = "a call that was just bound";
-const LENT: &str = "parts of other pairs have to do with the same fields";
 
 /// The pattern of the factor at hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +32,6 @@ pub struct Solve<'a, L: Block> {
     code: &'a Arc<ModelCode<L::Float>>,
     places: &'a mut Places,
     rows: &'a [ContactRow],
-    kinds: &'a [Kind],
     found: &'a mut Found,
     factor: Factor,
     /// One that fits all listed contacts.
@@ -54,9 +52,10 @@ impl<'a, L: Block> Solve<'a, L> {
         if step.model.options.solver == options::Solver::Pgs {
             return None;
         }
-        let session = code.solves(root)?;
-        let lent = |coded: &Coded<_>| session.includes(coded.set);
-        let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some_and(lent));
+        if !code.solves(root) {
+            return None;
+        }
+        let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some());
         let of_pair = |row: &ContactRow| match row.sides {
             Sides::One => true,
             Sides::Two => coded(row, &PAIR_OPS),
@@ -67,14 +66,9 @@ impl<'a, L: Block> Solve<'a, L> {
         }
         // Whatever of them acts later fits where all do.
         let whole = pattern((root, code), found, &constraint.contact_rows, u32::MAX)?;
-        let common = &code.common;
-        let (mut fields, mut len) = ([const { FieldSlice::unused() }; SESSION_FIELDS], 0);
-        let (rows, kinds) = step.lend(session, &mut |field, _, lanes| {
-            fields[len] = common.slice(field, lanes);
-            len += 1;
-        });
-        let session = Session::new(scratch, code, &fields[..len]);
-        Some(Solve { root, code, places, rows, kinds, found, factor: whole, whole, chosen: None, session })
+        let varied = |group: &Group| *group != Group::Varied || code.varies();
+        let (session, rows) = code.lend(GROUPS.into_iter().filter(varied).collect(), (scratch, step));
+        Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, session })
     }
 
     /// Number of a call: that of the part, or one beyond those of all for a pattern.
@@ -99,20 +93,24 @@ impl<'a, L: Block> Solve<'a, L> {
             None => code.get(root, part),
         }
         .expect(COMPILED);
-        let lent = code.solves(root).expect(COMPILED);
-        let fields = coded.sources.iter().map(|source| lent.place(source.field).expect(LENT));
-        if matches!(part.op.family(), Family::Options(_)) {
-            session.bind(call, &coded.fragment, fields);
-        } else {
-            session.bind_each(call, &coded.fragment, fields);
-        }
+        coded.bind(session, call);
     }
 }
 
+/// Groups of fields that parts of a solve have to do with.
+const GROUPS: [Group; 9] = [
+    Group::State,
+    Group::Varied,
+    Group::Shared,
+    Group::Position,
+    Group::Inertia,
+    Group::Acceleration,
+    Group::Constraint,
+    Group::Solver,
+    Group::Rows,
+];
 /// Parts of contacts both sides of which move.
 const PAIR_OPS: [Op; 1] = [Op::Couple];
-/// Most fields of a solve.
-const SESSION_FIELDS: usize = 64;
 
 /// Whether a contact that acts in some world of `acting` couples dofs that the inertia matrix does not.
 fn joins<T>(tables: &Tables<T>, row: &ContactRow, acting: u32) -> bool {
@@ -184,7 +182,7 @@ impl<L: Block> Parts for Solve<'_, L> {
         for place in 0..self.places.present().len() {
             let kind = self.places.present()[place];
             let windows = if whole { self.places.all(kind) } else { self.places.active(kind) };
-            if windows.is_empty() || !op.applies(self.kinds[kind].sides) {
+            if windows.is_empty() || !op.applies(self.code.common.rows.kinds[kind].sides) {
                 continue;
             }
             let part = Part::of(op, kind as u32);

@@ -174,7 +174,7 @@ fn scene<L: Block>(
             matches!(stage, "state" | "position" | "inertia" | "velocity") || (stage, name) == ("collision", "qpos");
         if kept && lanes.len() == geometry[field].len() {
             lanes.copy_from_slice(&geometry[field]);
-        } else if coded.set.has(field) {
+        } else if coded.sources.iter().any(|source| source.field == field) {
             random.fill(lanes);
         } else {
             lanes.fill(nan);

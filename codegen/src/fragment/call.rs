@@ -9,7 +9,7 @@ use crate::native::Arguments;
 
 /// A run of code that is being made ready: its fields are put in their order, compared with what the code wants, and their
 /// addresses written where the code looks for them. With windows in `N` columns, or none.
-pub struct Call<'a, T, const N: usize> {
+pub(super) struct Call<'a, T, const N: usize> {
     fragment: &'a Fragment<T>,
     scratch: &'a mut Scratch,
     /// The largest start in every column.
@@ -26,7 +26,7 @@ impl<T: Float> Fragment<T> {
     ///
     /// If the code was not compiled for windows of so many columns.
     #[inline(always)]
-    pub fn call<'a, const N: usize>(&'a self, scratch: &'a mut Scratch, largest: &[usize; N]) -> Call<'a, T, N> {
+    fn call<'a, const N: usize>(&'a self, scratch: &'a mut Scratch, largest: &[usize; N]) -> Call<'a, T, N> {
         assert_eq!(self.columns.as_ref().map_or(0, |columns| columns.width), N, "number of columns");
         scratch.reserve(self);
         Call { fragment: self, scratch, largest: *largest, count: 0, borrowed: PhantomData }
@@ -41,7 +41,7 @@ impl<T: Float> Fragment<T> {
         largest: &[usize; N],
     ) -> Call<'a, T, N> {
         let mut call = self.call(scratch, largest);
-        fields.iter().for_each(|field| call.put(field.again()));
+        fields.iter().for_each(|field| call.put(field));
         call
     }
 }
@@ -54,7 +54,7 @@ impl<'a, T: Float, const N: usize> Call<'a, T, N> {
     /// If its kind or length differs from what was recorded, it is written and was lent for reading only, or a window does not
     /// lie within it.
     #[inline(always)]
-    pub fn put(&mut self, field: FieldSlice<'a, T>) {
+    fn put(&mut self, field: &'a FieldSlice<'_, T>) {
         let Call { fragment, scratch, largest, count, .. } = self;
         // Those beyond the number of fields show when that is compared.
         if let (Some(wanted), Some(address)) = (fragment.wanted.get(*count), scratch.fields.get_mut(*count)) {
@@ -110,27 +110,6 @@ impl<'a, T: Float, const N: usize> Call<'a, T, N> {
         }
     }
 
-    /// As [`Fragment::run_each_masked`].
-    ///
-    /// # Panics
-    ///
-    /// As that.
-    #[inline]
-    pub fn run_each_masked(self, masks: &[u32], windows: WindowsList<'_, N>) {
-        self.check(1, &windows);
-        assert_eq!(masks.len(), windows.len(), "number of masks");
-        let Call { fragment, scratch, .. } = self;
-        for run in 0..fragment.runs() {
-            fragment.advance(run, scratch);
-            for (mask, item) in masks.iter().zip(windows.offsets) {
-                let fields = scratch.fields.as_ptr();
-                let arguments = Arguments { fields, ..fragment.arguments(scratch, &[*mask], run) };
-                // SAFETY: as in `run_each`, for one item of the list.
-                unsafe { fragment.machine.code.run_each(&arguments, item) };
-            }
-        }
-    }
-
     /// What has to hold of a list beyond what the fields were compared with.
     #[inline(always)]
     fn check(&self, masks_in: usize, windows: &WindowsList<'_, N>) {
@@ -140,11 +119,5 @@ impl<'a, T: Float, const N: usize> Call<'a, T, N> {
         assert!(!beyond, "windows beyond those of the call");
         assert_eq!(self.count, self.fragment.fields.len(), "number of fields");
         assert_eq!(masks_in, self.fragment.masks_in, "number of masks given");
-    }
-}
-
-impl<T, const N: usize> std::fmt::Debug for Call<'_, T, N> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Call").field("fields", &self.count).finish_non_exhaustive()
     }
 }

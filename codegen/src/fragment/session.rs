@@ -5,19 +5,53 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::windows::WindowsList;
-use super::{FieldSlice, Fragment, Machine, Scratch};
+use super::{FieldSlice, Fragment, MOST_RUNS, Machine, Scratch};
 use crate::float::{BLOCK_BYTES, Float, Precision};
 use crate::isa::InstructionSet;
 use crate::lower::MaskOutput;
 use crate::native::{Arguments, Code};
 
 /// Calls of code on fields that are lent as long as the session lasts: what a call needs is compared and written down when it
-/// is bound, so that running it costs next to nothing. Calls have numbers, which the caller chooses. They stay bound from a
-/// session to the next one on the same scratch, but for those that have to do with a field that is another one then.
+/// is bound, so that running it costs next to nothing. Fields and calls have numbers, which the caller chooses. Calls stay bound
+/// from a session to the next one on the same scratch: where a field is elsewhere then, they follow it, and where it is of another
+/// kind or length, those that have to do with it are dropped. A session may lend fewer fields than calls are bound to; then the
+/// others run.
 pub struct Session<'a, T> {
     scratch: &'a mut Scratch,
-    /// The fields.
+    /// The fields that are lent.
+    lent: Fields,
     borrowed: PhantomData<FieldSlice<'a, T>>,
+}
+
+/// Most masks that [`Session::run`] returns. A call takes one, or none.
+const MASKS: usize = 2;
+/// Most columns of windows.
+const MOST_COLUMNS: usize = 16;
+/// Words of a set of fields.
+const WORDS: usize = 3;
+
+/// A set of fields, by number.
+#[derive(Clone, Copy, Default)]
+struct Fields([u64; WORDS]);
+
+impl Fields {
+    /// Most fields.
+    const MOST: usize = WORDS * u64::BITS as usize;
+
+    #[inline(always)]
+    fn add(&mut self, number: usize) {
+        self.0[number / 64] |= 1 << (number % 64);
+    }
+
+    #[inline(always)]
+    fn has(&self, number: usize) -> bool {
+        self.0[number / 64] >> (number % 64) & 1 != 0
+    }
+
+    #[inline(always)]
+    fn includes(&self, others: &Fields) -> bool {
+        self.0.iter().zip(others.0).fold(0, |more, (mine, other)| more | (other & !mine)) == 0
+    }
 }
 
 /// What sessions leave for the next one.
@@ -27,19 +61,27 @@ pub(super) struct Kept {
     owner: Option<Arc<dyn Any + Send + Sync>>,
     /// That of the code that is bound.
     precision: Option<Precision>,
-    /// Addresses and tags of the fields that are lent, or were lent last.
+    /// Address and tag of every field when it was last lent.
     fields: Vec<(usize, usize)>,
+    /// Fields that were lent at several places.
+    moving: Fields,
+    /// Goes up when a field moves.
+    epoch: u64,
     /// Calls by number.
     calls: Vec<Bound>,
 }
 
-/// A call. Only what is bound may be run, and only in a session whose fields are those that it was bound to.
+/// A call. Only what is bound may be run, and only in a session that lends all of its fields, whose tags are those that it was
+/// bound to, with their addresses as they are then.
 struct Bound {
     /// The code and its constants, kept alive; `None`: nothing is bound.
     machine: Option<Arc<Machine>>,
     isa: InstructionSet,
-    /// The fields that it has to do with, by their numbers as bits.
-    uses: u64,
+    /// The fields that it has to do with.
+    uses: Fields,
+    /// Those of them that may be elsewhere next time, and when they were last looked up.
+    moving: Vec<Moving>,
+    epoch: u64,
     /// Number of its fields, and their addresses for every part of the block.
     fields: usize,
     addresses: Vec<usize>,
@@ -47,16 +89,23 @@ struct Bound {
     /// column.
     columns: usize,
     room: [usize; MOST_COLUMNS],
-    /// Bits of the masks returned that the code leaves, and those that are known.
+    /// Number of masks that it takes.
+    given: usize,
+    /// Of the masks returned, the bits that the code leaves, and those that are known.
+    masks: Vec<[u32; 2]>,
+    /// The same of the first ones.
     left: [u32; MASKS],
     known: [u32; MASKS],
 }
 
-/// Most masks that a bound call returns. It takes one, or none.
-const MASKS: usize = 2;
-/// Most fields of a session, and most columns of its windows.
-const MOST_FIELDS: usize = u64::BITS as usize;
-const MOST_COLUMNS: usize = 16;
+/// A field of a call that may move.
+struct Moving {
+    /// Its place among those of the call.
+    place: usize,
+    field: usize,
+    /// From its start to the address for each part of the block.
+    offsets: [usize; MOST_RUNS],
+}
 
 impl Bound {
     /// Nothing.
@@ -64,49 +113,83 @@ impl Bound {
         Bound {
             machine: None,
             isa: InstructionSet::Avx2,
-            uses: 0,
+            uses: Fields::default(),
+            moving: vec![],
+            epoch: 0,
             fields: 0,
             addresses: vec![],
             columns: 0,
             room: [0; MOST_COLUMNS],
+            given: 0,
+            masks: vec![],
             left: [0; MASKS],
             known: [0; MASKS],
         }
     }
+
+    /// Looks up where fields that move are.
+    fn follow(&mut self, fields: &[(usize, usize)], epoch: u64) {
+        let Bound { moving, addresses, fields: count, .. } = self;
+        for Moving { place, field, offsets } in moving {
+            let start = fields[*field].0;
+            for (address, offset) in addresses[*place..].iter_mut().step_by(*count).zip(offsets) {
+                *address = start.wrapping_add(*offset);
+            }
+        }
+        self.epoch = epoch;
+    }
 }
 
-impl<'a, T: Float> Session<'a, T> {
-    /// Lends fields, up to 64, and keeps the calls that were bound to the same ones for the same owner of code, so that numbers
-    /// of calls are that owner's own.
-    ///
-    /// # Panics
-    ///
-    /// If there are more fields.
-    pub fn new<O: Any + Send + Sync>(scratch: &'a mut Scratch, owner: &Arc<O>, fields: &[FieldSlice<'a, T>]) -> Self {
-        assert!(fields.len() <= MOST_FIELDS, "{} fields", fields.len());
-        let kept = &mut scratch.kept;
-        if !kept.owner.as_ref().is_some_and(|known| std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(owner))) {
-            kept.owner = Some(owner.clone());
-            kept.calls.clear();
-        }
-        if kept.precision != Some(T::PRECISION) || kept.fields.len() != fields.len() {
-            kept.precision = Some(T::PRECISION);
-            kept.fields = vec![(0, 0); fields.len()];
-            kept.calls.clear();
-        }
-        let mut changed = 0;
-        for (i, (known, field)) in kept.fields.iter_mut().zip(fields).enumerate() {
-            // Exposed: code that was bound in an earlier session uses the address.
-            let lent = (field.start.expose_provenance(), field.tag);
-            changed |= u64::from(*known != lent) << i;
-            *known = lent;
-        }
-        if changed != 0 {
-            for call in kept.calls.iter_mut().filter(|call| call.uses & changed != 0) {
+impl Kept {
+    /// A field is elsewhere, or another one.
+    #[inline(never)]
+    fn replace(&mut self, field: usize, start: usize, tag: usize) {
+        let Kept { fields, moving, epoch, calls, .. } = self;
+        let other = fields[field].1 != tag;
+        if other || !moving.has(field) {
+            for call in calls.iter_mut().filter(|call| call.uses.has(field)) {
                 call.machine = None;
             }
         }
-        Session { scratch, borrowed: PhantomData }
+        if !other {
+            moving.add(field);
+        }
+        *epoch += 1;
+        fields[field] = (start, tag);
+    }
+}
+
+impl<'a, T: Float> Session<'a, T> {
+    /// Lends nothing yet. Calls that were bound for the same owner of code stay, so that numbers of calls are that owner's own.
+    #[inline]
+    pub fn new<O: Any + Send + Sync>(scratch: &'a mut Scratch, owner: &Arc<O>) -> Self {
+        let kept = &mut scratch.kept;
+        let same = kept.owner.as_ref().is_some_and(|known| std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(owner)));
+        if !same || kept.precision != Some(T::PRECISION) {
+            *kept = Kept { owner: Some(owner.clone()), precision: Some(T::PRECISION), ..Kept::default() };
+            kept.fields = vec![(0, 0); Fields::MOST];
+        }
+        Session { scratch, lent: Fields::default(), borrowed: PhantomData }
+    }
+
+    /// Lends fields with consecutive numbers.
+    ///
+    /// # Panics
+    ///
+    /// If a number is 192 or more.
+    #[inline(always)]
+    pub fn lend<const N: usize>(&mut self, first: usize, fields: [FieldSlice<'a, T>; N]) {
+        assert!(first + N <= Fields::MOST, "fields beyond {}", Fields::MOST);
+        for (field, lent) in (first..).zip(&fields) {
+            // Exposed: code that was bound in an earlier session uses the address.
+            let (start, tag) = (lent.start.expose_provenance(), lent.tag);
+            if self.scratch.kept.fields[field] != (start, tag) {
+                self.scratch.kept.replace(field, start, tag);
+            }
+        }
+        for field in first..first + N {
+            self.lent.add(field);
+        }
     }
 
     /// Whether a call is bound.
@@ -114,79 +197,110 @@ impl<'a, T: Float> Session<'a, T> {
         self.scratch.kept.calls.get(call).is_some_and(|call| call.machine.is_some())
     }
 
-    /// Makes a call of code ready, on fields by their numbers in the session.
+    /// Makes a call of code ready, on fields by their numbers, each as often as the code has windows into it.
     ///
     /// # Panics
     ///
-    /// As [`Fragment::run`], but for masks.
+    /// As [`Fragment::run`] or [`Fragment::run_each`], but for masks, with a list of one item that starts at 0 everywhere; if a
+    /// field is not lent, the code takes more than one mask, or has windows in more than 16 columns.
     pub fn bind(&mut self, call: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
-        assert!(fragment.columns.is_none(), "code for windows");
-        self.put(call, fragment, fields);
-    }
-
-    /// Makes a call of code for windows ready, on fields by their numbers in the session.
-    ///
-    /// # Panics
-    ///
-    /// As [`Fragment::run_each`], but for masks, with a list of one item that starts at 0 everywhere; if there are more than 16
-    /// columns.
-    pub fn bind_each(&mut self, call: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
-        let columns = fragment.columns.as_ref().expect("code for windows");
-        assert!(columns.width <= MOST_COLUMNS, "too many columns for a session");
-        self.put(call, fragment, fields);
-    }
-
-    /// Writes a call down, after comparing the fields with what the code wants.
-    fn put(&mut self, number: usize, fragment: &Fragment<T>, fields: impl Iterator<Item = usize> + Clone) {
-        assert!(fragment.masks_in <= 1 && fragment.masks_out.len() <= MASKS, "too many masks for a session");
+        let columns = fragment.columns.as_ref().map_or(0, |columns| columns.width);
+        assert!(columns <= MOST_COLUMNS, "too many columns for a session");
+        assert!(fragment.masks_in <= 1, "too many masks for a session");
         self.scratch.reserve(fragment);
-        let Kept { fields: lent, calls, .. } = &mut self.scratch.kept;
-        if calls.len() <= number {
-            calls.resize_with(number + 1, Bound::nothing);
+        let Kept { fields: known, calls, moving, epoch, .. } = &mut self.scratch.kept;
+        if calls.len() <= call {
+            calls.resize_with(call + 1, Bound::nothing);
         }
-        let call = &mut calls[number];
-        (call.machine, call.uses, call.room) = (None, 0, [usize::MAX; MOST_COLUMNS]);
-        call.addresses.clear();
-        for run in 0..fragment.runs() {
-            let mut count = 0;
-            for (field, wanted) in fields.clone().zip(&fragment.wanted) {
-                let (start, tag) = lent[field];
-                let fits = match call.room.get_mut(wanted.column) {
-                    None => wanted.differs(tag) == 0,
-                    Some(most) => wanted.room::<T>(tag).is_some_and(|room| {
-                        *most = room.min(*most);
-                        true
-                    }),
-                };
-                assert!(fits, "field {count} is not what the code wants: {:?}", fragment.fields[count]);
-                call.addresses.push(start.wrapping_add(wanted.offsets[run]));
-                call.uses |= 1 << field;
-                count += 1;
+        let bound = &mut calls[call];
+        *bound = Bound { room: [usize::MAX; MOST_COLUMNS], epoch: *epoch, columns, ..Bound::nothing() };
+        for (place, (field, wanted)) in fields.clone().zip(&fragment.wanted).enumerate() {
+            assert!(self.lent.has(field), "field {field} is not lent");
+            let fits = match bound.room.get_mut(wanted.column) {
+                None => wanted.differs(known[field].1) == 0,
+                Some(most) => wanted.room::<T>(known[field].1).is_some_and(|room| {
+                    *most = room.min(*most);
+                    true
+                }),
+            };
+            assert!(fits, "field {place} is not what the code wants: {:?}", fragment.fields[place]);
+            bound.uses.add(field);
+            if moving.has(field) {
+                bound.moving.push(Moving { place, field, offsets: wanted.offsets });
             }
-            assert!(count == fragment.wanted.len(), "{count} fields of {}", fragment.wanted.len());
         }
+        for run in 0..fragment.runs() {
+            let addresses = fields.clone().zip(&fragment.wanted);
+            let address = |(field, wanted): (usize, &super::Wanted)| known[field].0.wrapping_add(wanted.offsets[run]);
+            bound.addresses.extend(addresses.map(address));
+        }
+        bound.fields = fragment.fields.len();
+        let count = bound.addresses.len() / fragment.runs();
+        assert!(count == bound.fields && fields.count() == count, "{count} fields of {}", bound.fields);
         let all = ((1_u64 << T::PRECISION.lanes()) - 1) as u32;
-        let mask = |i: usize| fragment.masks_out.get(i).unwrap_or(&MaskOutput::Known(false));
-        call.left = std::array::from_fn(|i| if matches!(mask(i), MaskOutput::Value(_)) { all } else { 0 });
-        call.known = std::array::from_fn(|i| if matches!(mask(i), MaskOutput::Known(true)) { all } else { 0 });
-        call.isa = fragment.statistics.isa;
-        call.fields = fragment.fields.len();
-        call.columns = fragment.columns.as_ref().map_or(0, |columns| columns.width);
-        call.machine = Some(fragment.machine.clone());
+        let mask = |mask: &MaskOutput| match mask {
+            MaskOutput::Value(_) => [all, 0],
+            MaskOutput::Known(known) => [0, if *known { all } else { 0 }],
+        };
+        bound.masks = fragment.masks_out.iter().map(mask).collect();
+        let of_first = |which: usize| std::array::from_fn(|i| bound.masks.get(i).map_or(0, |mask| mask[which]));
+        (bound.left, bound.known) = (of_first(0), of_first(1));
+        bound.given = fragment.masks_in;
+        bound.isa = fragment.statistics.isa;
+        bound.machine = Some(fragment.machine.clone());
     }
 
-    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns. Of code that
-    /// takes a block part by part, parts without any of `lanes` are left out, and their bits are 0. `None`: it is not bound.
+    /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns, up to two.
+    /// Of code that takes a block part by part, parts without any of `lanes` are left out, and their bits are 0. `None`: it is not
+    /// bound.
     ///
     /// # Panics
     ///
-    /// If the call is one for windows.
+    /// If the call is one for windows, returns more masks, or a field of it is not lent.
     #[inline]
     pub fn run(&mut self, call: usize, mask: u32, lanes: u32) -> Option<[u32; MASKS]> {
-        let (call, machine, slots) = self.call(call)?;
+        let Ready { call, machine, slots, .. } = self.call(call)?;
+        assert!(call.columns == 0 && call.masks.len() <= MASKS, "code for windows, or that returns more masks");
+        let mut masks = call.known;
+        // SAFETY: as in `Fragment::run`: `bind` has compared the fields, and `call` vouches for the rest.
+        let run = |code: &Code, arguments: &Arguments| unsafe { code.run(arguments) };
+        for part in Part::all::<T>(call.isa) {
+            if part.is_left_out(lanes) {
+                masks.iter_mut().for_each(|mask| *mask &= !part.lanes);
+                continue;
+            }
+            let (given, mut returned) = ([mask >> part.first], [0; MASKS]);
+            part.run((call, machine), slots, (given.as_ptr(), returned.as_mut_ptr()), run);
+            for (i, mask) in masks.iter_mut().enumerate() {
+                *mask |= (returned[i] << part.first) & call.left[i];
+            }
+        }
+        Some(masks)
+    }
+
+    /// The same for code that returns any number of masks, for all of the block.
+    ///
+    /// # Panics
+    ///
+    /// Likewise; if there is not one place for every mask returned.
+    #[inline]
+    pub fn run_into(&mut self, call: usize, mask: u32, returned: &mut [u32]) -> Option<()> {
+        let Ready { call, machine, slots, masks_out } = self.call(call)?;
         assert!(call.columns == 0, "code for windows");
-        // SAFETY: as in `Fragment::run`: `put` has compared the fields, and `call` vouches for the rest.
-        Some(run_parts::<T>((call, machine), slots, [mask, lanes], |code, arguments| unsafe { code.run(arguments) }))
+        assert_eq!(call.masks.len(), returned.len(), "number of masks returned");
+        for (mask, [_, known]) in returned.iter_mut().zip(&call.masks) {
+            *mask = *known;
+        }
+        // SAFETY: as in `run`; the scratch has had room for the masks returned since the call was bound.
+        let run = |code: &Code, arguments: &Arguments| unsafe { code.run(arguments) };
+        for part in Part::all::<T>(call.isa) {
+            let given = [mask >> part.first];
+            part.run((call, machine), slots, (given.as_ptr(), masks_out.as_mut_ptr()), run);
+            for ((mask, word), [left, _]) in returned.iter_mut().zip(&*masks_out).zip(&call.masks) {
+                *mask |= (word << part.first) & left;
+            }
+        }
+        Some(())
     }
 
     /// Runs a call for windows, with the bits of a mask, for code that takes one, and without parts of the block that have none of
@@ -194,8 +308,8 @@ impl<'a, T: Float> Session<'a, T> {
     ///
     /// # Panics
     ///
-    /// If the call is not one for windows of so many columns, or an item may start so late that a window does not lie within its
-    /// field.
+    /// If the call is not one for windows of so many columns, an item may start so late that a window does not lie within its
+    /// field, or a field is not lent.
     #[inline]
     pub fn run_each<const N: usize>(
         &mut self,
@@ -203,64 +317,129 @@ impl<'a, T: Float> Session<'a, T> {
         [mask, lanes]: [u32; 2],
         windows: WindowsList<'_, N>,
     ) -> Option<()> {
-        let (call, machine, slots) = self.call(call)?;
-        assert!(call.columns == N && N > 0, "code for windows of other columns");
-        // Without a branch for every column.
-        let beyond =
-            windows.largest.iter().zip(&call.room).fold(false, |beyond, (start, room)| beyond | (start > room));
-        assert!(!beyond, "windows beyond their fields");
-        if !windows.is_empty() {
-            // SAFETY: as in `Fragment::run_each`: `put` has compared the fields, which have room for windows from all starts
+        let Ready { call, machine, slots, .. } = self.call(call)?;
+        call.check(&windows);
+        if windows.is_empty() {
+            return Some(());
+        }
+        for part in Part::all::<T>(call.isa).filter(|part| !part.is_left_out(lanes)) {
+            let given = [mask >> part.first];
+            // SAFETY: as in `Fragment::run_each`: `bind` has compared the fields, which have room for windows from all starts
             // of the list, and `call` vouches for the rest.
-            run_parts::<T>((call, machine), slots, [mask, lanes], |code, arguments| unsafe {
+            part.run((call, machine), slots, (given.as_ptr(), std::ptr::null_mut()), |code, arguments| unsafe {
                 code.run_each(arguments, windows.offsets.as_flattened());
             });
         }
         Some(())
     }
 
-    /// A call that is bound, its code, and the scratch for it. Its fields are those of the session, which borrows them: `new` has
-    /// dropped all calls that had to do with others. The scratch has had room for the code since it was bound.
+    /// The same with a mask for every item, for all of the block.
+    ///
+    /// # Panics
+    ///
+    /// Likewise, or if there is not one mask for every item.
+    #[inline]
+    pub fn run_each_masked<const N: usize>(
+        &mut self,
+        call: usize,
+        masks: &[u32],
+        windows: WindowsList<'_, N>,
+    ) -> Option<()> {
+        let Ready { call, machine, slots, .. } = self.call(call)?;
+        call.check(&windows);
+        assert!(masks.len() == windows.len() && call.given == 1, "number of masks");
+        for part in Part::all::<T>(call.isa) {
+            for (mask, item) in masks.iter().zip(windows.offsets) {
+                let given = [mask >> part.first];
+                // SAFETY: as in `run_each`, for one item of the list.
+                part.run((call, machine), slots, (given.as_ptr(), std::ptr::null_mut()), |code, arguments| unsafe {
+                    code.run_each(arguments, item);
+                });
+            }
+        }
+        Some(())
+    }
+
+    /// A call that is bound, with its fields where they are now. `replace` has dropped all calls that had to do with others; the
+    /// session borrows those that are lent. The scratch has had room for the code since it was bound.
     #[inline(always)]
-    fn call(&mut self, number: usize) -> Option<(&Bound, &Machine, *mut u8)> {
-        let Scratch { kept, slots, .. } = &mut *self.scratch;
-        let call = kept.calls.get(number)?;
-        Some((call, call.machine.as_deref()?, slots.as_mut_ptr().cast()))
+    fn call(&mut self, number: usize) -> Option<Ready<'_>> {
+        let Scratch { kept, slots, masks_out, .. } = &mut *self.scratch;
+        let Kept { fields, epoch, calls, .. } = kept;
+        let call = calls.get_mut(number).filter(|call| call.machine.is_some())?;
+        assert!(self.lent.includes(&call.uses), "a field that is not lent");
+        if call.epoch != *epoch {
+            call.follow(fields, *epoch);
+        }
+        let machine = call.machine.as_deref()?;
+        Some(Ready { machine, slots: slots.as_mut_ptr().cast(), masks_out, call })
     }
 }
 
-/// Runs a call on the parts of the block that have some of the lanes.
-#[inline(always)]
-fn run_parts<T: Float>(
-    (call, machine): (&Bound, &Machine),
-    slots: *mut u8,
-    [mask, wanted]: [u32; 2],
-    run: impl Fn(&Code, &Arguments),
-) -> [u32; MASKS] {
-    let isa = call.isa;
-    let lanes = isa.vector_bytes() / T::PRECISION.bytes();
-    let slots = slots.wrapping_add(super::bias(isa, isa.vector_bytes()));
-    let mut masks = call.known;
-    let parts = BLOCK_BYTES / isa.vector_bytes();
-    for part in 0..parts {
-        let mine = ((1 << lanes) - 1) << (part * lanes);
-        if parts > 1 && wanted & mine == 0 {
-            masks.iter_mut().for_each(|mask| *mask &= !mine);
-            continue;
-        }
-        let fields = call.addresses[part * call.fields..].as_ptr().cast();
-        let (given, mut returned) = ([mask >> (part * lanes)], [0; MASKS]);
-        let (masks_in, masks_out) = (given.as_ptr(), returned.as_mut_ptr());
-        run(&machine.code, &Arguments { fields, constants: machine.constants(), slots, masks_in, masks_out });
-        for (i, mask) in masks.iter_mut().enumerate() {
-            *mask |= (returned[i] << (part * lanes)) & call.left[i];
-        }
+impl Bound {
+    /// What has to hold of windows.
+    #[inline(always)]
+    fn check<const N: usize>(&self, windows: &WindowsList<'_, N>) {
+        assert!(self.columns == N && N > 0, "code for windows of other columns");
+        // Without a branch for every column.
+        let beyond =
+            windows.largest.iter().zip(&self.room).fold(false, |beyond, (start, room)| beyond | (start > room));
+        assert!(!beyond, "windows beyond their fields");
     }
-    masks
+}
+
+/// A call that may be run.
+struct Ready<'s> {
+    call: &'s Bound,
+    machine: &'s Machine,
+    slots: *mut u8,
+    masks_out: &'s mut Vec<u32>,
+}
+
+/// The part of a block that a register holds.
+struct Part {
+    number: usize,
+    /// Its first lane, and its lanes as bits.
+    first: usize,
+    lanes: u32,
+    /// Whether it is all of the block.
+    alone: bool,
+}
+
+impl Part {
+    /// The parts of a block.
+    #[inline(always)]
+    fn all<T: Float>(isa: InstructionSet) -> impl Iterator<Item = Part> {
+        let lanes = isa.vector_bytes() / T::PRECISION.bytes();
+        let count = BLOCK_BYTES / isa.vector_bytes();
+        (0..count).map(move |number| {
+            let first = number * lanes;
+            Part { number, first, lanes: ((1 << lanes) - 1) << first, alone: count == 1 }
+        })
+    }
+
+    /// Whether there is nothing to do. Nobody asks that for all of a block.
+    #[inline(always)]
+    fn is_left_out(&self, wanted: u32) -> bool {
+        !self.alone && wanted & self.lanes == 0
+    }
+
+    #[inline(always)]
+    fn run(
+        &self,
+        (call, machine): (&Bound, &Machine),
+        slots: *mut u8,
+        (masks_in, masks_out): (*const u32, *mut u32),
+        run: impl Fn(&Code, &Arguments),
+    ) {
+        let slots = slots.wrapping_add(super::bias(call.isa, call.isa.vector_bytes()));
+        let fields = call.addresses[self.number * call.fields..].as_ptr().cast();
+        run(&machine.code, &Arguments { fields, constants: machine.constants(), slots, masks_in, masks_out });
+    }
 }
 
 impl<T> std::fmt::Debug for Session<'_, T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Session").field("fields", &self.scratch.kept.fields.len()).finish_non_exhaustive()
+        f.debug_struct("Session").finish_non_exhaustive()
     }
 }

@@ -110,12 +110,6 @@ impl<const N: usize> WindowsList<'_, N> {
         self.offsets.len()
     }
 
-    /// The largest start in every column.
-    #[inline(always)]
-    pub fn largest(&self) -> &[usize; N] {
-        self.largest
-    }
-
     /// Whether there is no item.
     #[inline]
     pub fn is_empty(&self) -> bool {
@@ -168,23 +162,6 @@ impl<T: Float> Fragment<T> {
     ) {
         if !windows.is_empty() {
             self.call_with(scratch, fields, windows.largest).run_each(masks_in, windows);
-        }
-    }
-
-    /// The same with a mask for every item, the only one that the code is given.
-    ///
-    /// # Panics
-    ///
-    /// Likewise, or if there is not one mask for every item.
-    pub fn run_each_masked<const N: usize>(
-        &self,
-        scratch: &mut Scratch,
-        fields: &mut [FieldSlice<'_, T>],
-        masks: &[u32],
-        windows: WindowsList<'_, N>,
-    ) {
-        if !windows.is_empty() {
-            self.call_with(scratch, fields, windows.largest).run_each_masked(masks, windows);
         }
     }
 }

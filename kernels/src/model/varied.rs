@@ -78,15 +78,26 @@ impl Quantity {
 
     /// Those that never vary. Code for one part that is run for many elements reads them from arrays, where kernels read the
     /// tables.
-    pub const SHARED: Quantities = Quantities::of(&[Quantity::Geom, Quantity::Include, Quantity::Law, Quantity::Zero]);
+    pub const SHARED: [Quantity; 4] = [Quantity::Geom, Quantity::Include, Quantity::Law, Quantity::Zero];
 
-    /// Those that may vary from world to world.
+    /// Those that may vary from world to world: the first ones.
+    pub const VARYING: [Quantity; Self::ALL.len() - Self::SHARED.len()] = {
+        let mut varying = [Quantity::Gravity; Self::ALL.len() - Self::SHARED.len()];
+        let mut i = 0;
+        while i < varying.len() {
+            varying[i] = Self::ALL[i];
+            i += 1;
+        }
+        varying
+    };
+
+    /// The same as a set.
     pub fn varying() -> Quantities {
-        Quantities(((1 << Self::ALL.len()) - 1) & !Self::SHARED.0)
+        Quantities::of(&Self::VARYING)
     }
 
     /// Name.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         NAMES[self as usize]
     }
 

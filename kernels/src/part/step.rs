@@ -1,8 +1,7 @@
 //! What parts work on, and its fields by name.
 
 use crate::collision::{Colliders, Collision};
-use crate::constraint::{Constraint, ContactRow, Kind};
-use crate::fields::FieldView;
+use crate::constraint::{Constraint, ContactRow};
 use crate::lane::Lane;
 use crate::model::{Instance, Quantity};
 use crate::solver::{Dual, Problem, SolverWork};
@@ -36,56 +35,10 @@ pub enum Lanes<'a, L> {
     Write(&'a mut [L]),
 }
 
-/// A set of fields, by number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FieldSet([u64; 2]);
-
-impl FieldSet {
-    /// All.
-    pub const ALL: FieldSet = FieldSet([u64::MAX; 2]);
-
-    /// Adds a field.
-    pub fn add(&mut self, number: usize) {
-        self.0[number / 64] |= 1 << (number % 64);
-    }
-
-    /// Those of either.
-    #[must_use]
-    pub fn or(self, other: FieldSet) -> FieldSet {
-        FieldSet([self.0[0] | other.0[0], self.0[1] | other.0[1]])
-    }
-
-    /// Whether all of another set are among them.
-    pub fn includes(self, other: FieldSet) -> bool {
-        self.or(other) == self
-    }
-
-    /// Whether a field is among them.
-    #[inline(always)]
-    pub fn has(self, number: usize) -> bool {
-        self.0[number / 64] >> (number % 64) & 1 != 0
-    }
-
-    /// The place of a field among them, in the order of numbers.
-    pub fn place(self, number: usize) -> Option<usize> {
-        self.has(number).then(|| (0..number).filter(|before| self.has(*before)).count())
-    }
-
-    /// Whether any of `count` fields from `first` on is.
-    #[inline(always)]
-    fn any(self, first: usize, count: usize) -> bool {
-        let all = u128::from(self.0[0]) | u128::from(self.0[1]) << 64;
-        all >> first & ((1 << count) - 1) != 0
-    }
-}
-
 /// Stage and name of a field.
 pub type Name = [&'static str; 2];
 
 impl<L: Lane> Step<'_, L> {
-    /// Number of the first field of what varies, in the order of [`Quantity::ALL`].
-    pub const VARIED: usize = State::<L>::COUNT + Applied::<L>::COUNT;
-
     /// Whether a stage is wanted, and the model has it.
     #[inline(always)]
     pub fn runs(&self, stage: Stage) -> bool {
@@ -109,121 +62,200 @@ impl<L: Lane> Step<'_, L> {
         (problem, &self.state.qacc_warmstart, solver)
     }
 
-    /// Lends all fields.
+    /// Lends all fields, one by one, in the order of their numbers.
     pub fn lend_all<'b>(&'b mut self, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) {
-        self.lend(FieldSet::ALL, f);
+        self.lend(Groups::ALL, &mut Single(f));
     }
 
-    /// Lends the fields of a set, in the order of their numbers. Returns the list of contacts.
+    /// Lends the fields of some groups. Returns the list of contacts.
     #[inline(always)]
-    pub fn lend<'b>(
-        &'b mut self,
-        set: FieldSet,
-        f: &mut impl FnMut(usize, Name, Lanes<'b, L>),
-    ) -> (&'b [ContactRow], &'b [Kind]) {
+    pub fn lend<'b>(&'b mut self, groups: Groups, to: &mut impl Borrower<'b, L>) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
         let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
         let Workspace { collision, constraint, solver, .. } = ws;
-        let mut lender = Lender { set, stage: "", number: 0, f };
-        if lender.stage("state", State::<L>::COUNT) {
-            state.for_each(&mut |field| lender.field(field));
+        let Collision { colliders, found, parallel, .. } = collision;
+        let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, .. } = constraint;
+        let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
+        let Dual { b, z, root, bias, .. } = dual;
+        let varied = |quantity: Quantity| Lanes::Read(model.varied.map_or(&[], |varied| varied.lanes(quantity)));
+        macro_rules! group {
+            ($group:ident, $($name:literal: $lanes:expr),* $(,)?) => {
+                if groups.has(Group::$group) {
+                    to.take(Group::$group, [$($name),*], [$(Lanes::Write($lanes)),*]);
+                }
+            };
+            ($($group:ident: $stage:expr;)*) => {
+                $(if groups.has(Group::$group) {
+                    let fields = $stage.all();
+                    let names = std::array::from_fn(|i| fields[i].name);
+                    to.take(Group::$group, names, fields.map(|field| Lanes::Write(field.data)));
+                })*
+            };
         }
-        if lender.stage("applied", Applied::<L>::COUNT) {
+        group!(State: state;);
+        if groups.has(Group::Applied) {
             let [qfrc, xfrc]: [&'b [L]; 2] = match applied {
                 Some(applied) => [&applied.qfrc_applied, applied.xfrc_applied.as_flattened()],
                 None => [&[]; 2],
             };
-            lender.put("qfrc_applied", Lanes::Read(qfrc));
-            lender.put("xfrc_applied", Lanes::Read(xfrc));
+            to.take(Group::Applied, ["qfrc_applied", "xfrc_applied"], [Lanes::Read(qfrc), Lanes::Read(xfrc)]);
         }
-        if lender.stage("varied", Quantity::ALL.len()) {
-            for quantity in Quantity::ALL {
-                lender.put(quantity.name(), Lanes::Read(model.varied.map_or(&[], |varied| varied.lanes(quantity))));
+        if groups.has(Group::Varied) {
+            to.take(Group::Varied, Quantity::VARYING.map(Quantity::name), Quantity::VARYING.map(varied));
+        }
+        if groups.has(Group::Shared) {
+            to.take(Group::Shared, Quantity::SHARED.map(Quantity::name), Quantity::SHARED.map(varied));
+        }
+        group!(Position: position; Inertia: inertia; Velocity: velocity; Passive: passive; Actuation: actuation;
+            Acceleration: acceleration; Energy: energy; Integration: integration; Colliders: colliders;);
+        group!(Found, "found": found.as_flattened_mut(), "parallel": parallel);
+        group!(Constraint,
+            "dof_lanes": dof_lanes.as_flattened_mut(),
+            "strengths": strengths.as_flattened_mut(),
+            "reference": reference,
+            "motion": motion.as_flattened_mut(),
+            "jacobian": jacobian,
+        );
+        group!(Solver: fields;);
+        group!(Rows,
+            "line": &mut line.0,
+            "y.dof": &mut y.dof,
+            "y.component": &mut y.component,
+            "jp.dof": &mut jp.dof,
+            "jp.component": &mut jp.component,
+            "force.dof": &mut force.dof,
+            "force.component": &mut force.component,
+        );
+        group!(Dual,
+            "b": b,
+            "z": z,
+            "root": root,
+            "bias.dof": &mut bias.dof,
+            "bias.component": &mut bias.component,
+            "edge_force": edge_force,
+        );
+        contact_rows
+    }
+}
+
+macro_rules! groups {
+    ($($(#[$doc:meta])* $group:ident: $stage:literal, $count:expr;)*) => {
+        /// Fields that are lent together.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Group {
+            $($(#[$doc])* $group,)*
+        }
+
+        impl Group {
+            /// All.
+            pub const ALL: &[Group] = &[$(Group::$group),*];
+            /// Number of fields of each.
+            const COUNTS: [usize; Group::ALL.len()] = [$($count),*];
+
+            /// The stage in the names of its fields.
+            pub fn stage(self) -> &'static str {
+                match self { $(Group::$group => $stage,)* }
             }
         }
-        macro_rules! stages {
-            ($($stage:ident: $type:ident),*) => {
-                $(if lender.stage(stringify!($stage), $stage::$type::<L>::COUNT) {
-                    $stage.for_each(&mut |field| lender.field(field));
-                })*
-            };
+    };
+}
+
+groups! {
+    /// State.
+    State: "state", State::<f64>::COUNT;
+    /// Forces from outside.
+    Applied: "applied", Applied::<f64>::COUNT;
+    /// What varies from world to world.
+    Varied: "varied", Quantity::VARYING.len();
+    /// What all worlds share.
+    Shared: "varied", Quantity::SHARED.len();
+    /// Poses.
+    Position: "position", position::Position::<f64>::COUNT;
+    /// Inertia.
+    Inertia: "inertia", inertia::Inertia::<f64>::COUNT;
+    /// Motions.
+    Velocity: "velocity", velocity::Velocity::<f64>::COUNT;
+    /// Passive forces.
+    Passive: "passive", passive::Passive::<f64>::COUNT;
+    /// Actuators.
+    Actuation: "actuation", actuation::Actuation::<f64>::COUNT;
+    /// Smooth acceleration.
+    Acceleration: "acceleration", acceleration::Acceleration::<f64>::COUNT;
+    /// Energy.
+    Energy: "energy", energy::Energy::<f64>::COUNT;
+    /// The next state.
+    Integration: "integration", integration::Integration::<f64>::COUNT;
+    /// Geoms.
+    Colliders: "collision", Colliders::<f64>::COUNT;
+    /// Contacts.
+    Found: "collision", 2;
+    /// Numbers of rows.
+    Constraint: "constraint", 5;
+    /// Vectors and matrices of the solver.
+    Solver: "solver", solver::Solver::<f64>::COUNT;
+    /// What the solver has to do with by rows.
+    Rows: "solver", 7;
+    /// What dual solvers have.
+    Dual: "dual", 6;
+}
+
+impl Group {
+    /// Number of its first field.
+    pub const fn first(self) -> usize {
+        let (mut first, mut group) = (0, 0);
+        while group < self as usize {
+            first += Group::COUNTS[group];
+            group += 1;
         }
-        stages!(position: Position, inertia: Inertia, velocity: Velocity, passive: Passive, actuation: Actuation);
-        stages!(acceleration: Acceleration, energy: Energy, integration: Integration);
-        let Collision { colliders, found, parallel, .. } = collision;
-        if lender.stage("collision", Colliders::<L>::COUNT + 2) {
-            colliders.for_each(&mut |field| lender.field(field));
-            lender.put("found", Lanes::Write(found.as_flattened_mut()));
-            lender.put("parallel", Lanes::Write(parallel));
-        }
-        let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, kinds, .. } = constraint;
-        if lender.stage("constraint", 5) {
-            lender.put("dof_lanes", Lanes::Write(dof_lanes.as_flattened_mut()));
-            lender.put("strengths", Lanes::Write(strengths.as_flattened_mut()));
-            lender.put("reference", Lanes::Write(reference));
-            lender.put("motion", Lanes::Write(motion.as_flattened_mut()));
-            lender.put("jacobian", Lanes::Write(jacobian));
-        }
-        let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
-        if lender.stage("solver", solver::Solver::<L>::COUNT + 7) {
-            fields.for_each(&mut |field| lender.field(field));
-            lender.put("line", Lanes::Write(&mut line.0));
-            lender.put("y.dof", Lanes::Write(&mut y.dof));
-            lender.put("y.component", Lanes::Write(&mut y.component));
-            lender.put("jp.dof", Lanes::Write(&mut jp.dof));
-            lender.put("jp.component", Lanes::Write(&mut jp.component));
-            lender.put("force.dof", Lanes::Write(&mut force.dof));
-            lender.put("force.component", Lanes::Write(&mut force.component));
-        }
-        let Dual { b, z, root, bias, .. } = dual;
-        if lender.stage("dual", 6) {
-            lender.put("b", Lanes::Write(b));
-            lender.put("z", Lanes::Write(z));
-            lender.put("root", Lanes::Write(root));
-            lender.put("bias.dof", Lanes::Write(&mut bias.dof));
-            lender.put("bias.component", Lanes::Write(&mut bias.component));
-            lender.put("edge_force", Lanes::Write(edge_force));
-        }
-        (contact_rows, kinds)
+        first
+    }
+
+    /// The group of a field.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such field.
+    pub fn of(field: usize) -> Group {
+        let mut of = Group::ALL.iter().filter(|group| field < group.first() + Group::COUNTS[**group as usize]);
+        *of.next().expect("a field")
     }
 }
 
-/// Goes through the fields in order, and hands on those of a set.
-struct Lender<'f, F> {
-    set: FieldSet,
-    stage: &'static str,
-    number: usize,
-    f: &'f mut F,
+/// A set of groups.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Groups(u32);
+
+impl Groups {
+    /// All.
+    pub const ALL: Groups = Groups(u32::MAX);
+
+    /// Whether a group is among them.
+    #[inline(always)]
+    pub const fn has(self, group: Group) -> bool {
+        self.0 >> group as u32 & 1 != 0
+    }
 }
 
-impl<F> Lender<'_, F> {
-    /// Begins a stage with so many fields; whether any of them is wanted.
-    #[inline(always)]
-    fn stage(&mut self, stage: &'static str, count: usize) -> bool {
-        let wanted = self.set.any(self.number, count);
-        self.stage = stage;
-        if !wanted {
-            self.number += count;
-        }
-        wanted
+impl FromIterator<Group> for Groups {
+    fn from_iter<I: IntoIterator<Item = Group>>(groups: I) -> Self {
+        Groups(groups.into_iter().fold(0, |all, group| all | 1 << group as u32))
     }
+}
 
-    #[inline(always)]
-    fn put<'b, L: 'b>(&mut self, name: &'static str, lanes: Lanes<'b, L>)
-    where
-        F: FnMut(usize, Name, Lanes<'b, L>),
-    {
-        if self.set.has(self.number) {
-            (self.f)(self.number, [self.stage, name], lanes);
+/// Takes the fields that a step lends, a group at a time, each with its name.
+pub trait Borrower<'b, L> {
+    /// Takes those of a group, whose numbers are consecutive.
+    fn take<const N: usize>(&mut self, group: Group, names: [&'static str; N], fields: [Lanes<'b, L>; N]);
+}
+
+/// Takes fields one by one.
+struct Single<'f, F>(&'f mut F);
+
+impl<'b, L: 'b, F: FnMut(usize, Name, Lanes<'b, L>)> Borrower<'b, L> for Single<'_, F> {
+    fn take<const N: usize>(&mut self, group: Group, names: [&'static str; N], fields: [Lanes<'b, L>; N]) {
+        assert_eq!(N, Group::COUNTS[group as usize], "{group:?}");
+        for (i, (name, field)) in names.into_iter().zip(fields).enumerate() {
+            self.0(group.first() + i, [group.stage(), name], field);
         }
-        self.number += 1;
-    }
-
-    #[inline(always)]
-    fn field<'b, L: 'b>(&mut self, field: FieldView<'b, L>)
-    where
-        F: FnMut(usize, Name, Lanes<'b, L>),
-    {
-        self.put(field.name, Lanes::Write(field.data));
     }
 }
