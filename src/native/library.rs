@@ -137,6 +137,12 @@ impl<T: Float> Common<T> {
         (number < self.bases[op + 1]).then_some(number)
     }
 
+    /// Number of the first part of an op.
+    #[inline(always)]
+    pub fn first(&self, op: Op) -> usize {
+        self.bases[op as usize]
+    }
+
     /// Number of all parts.
     pub fn count(&self) -> usize {
         self.bases[Op::ALL.len()]
@@ -332,7 +338,8 @@ impl<T: Float> ModelCode<T> {
             KIND_COLUMNS => program.compile_each::<KIND_COLUMNS>(isa, &columns),
             _ => program.compile_each::<COLUMNS>(isa, &columns),
         }?;
-        let groups = sources.iter().map(|source| Group::of(source.field)).collect();
+        let group = |all: Groups, source: &Source| all.and(&[Group::of(source.field)]);
+        let groups = sources.iter().fold(Groups::NONE, group);
         Ok(Coded { fragment: fragment.named(&self.common.name(&self.tables, part)), sources, groups })
     }
 
@@ -397,10 +404,11 @@ impl<T: Float> ModelCode<T> {
         self: &'a Arc<Self>,
         groups: Groups,
         (scratch, step): (&'a mut Scratch, &'a mut Step<'_, T::Block>),
-    ) -> (Session<'a, T>, &'a [ContactRow]) {
+        rows: &mut &'a [ContactRow],
+    ) -> Session<'a, T> {
         let mut lender = Lender { session: Session::new(scratch, self), shared: &self.common.shared };
-        let rows = step.lend(groups, &mut lender);
-        (lender.session, rows)
+        *rows = step.lend(groups, &mut lender);
+        lender.session
     }
 
     /// Whether anything varies.

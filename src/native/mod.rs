@@ -23,8 +23,6 @@ use patterns::Found;
 use places::Places;
 use solve::Solve;
 
-/// What was found has a number, and what was bound is bound.
-const CODED: &str = "a part with code";
 const BOUND: &str = "a call that was just bound";
 
 /// The code of a model for one number type, by instruction set, made at first use.
@@ -94,11 +92,10 @@ impl<L: Block> Executor<L> for Native<L::Float> {
         let Some(coded) = code.get(root, part) else {
             return part.run_lanes(&Item::Whole, given, returned, step);
         };
-        let call = code.common.number(part).expect(CODED);
-        let (mut session, _) = code.lend(coded.groups, (scratch, step));
-        if session.run_into(call, given, returned).is_none() {
+        let call = code.common.first(part.op) + part.of as usize;
+        let mut session = code.lend(coded.groups, (scratch, step), &mut &[][..]);
+        while session.run_into(call, given, returned).is_none() {
             coded.bind(&mut session, call);
-            session.run_into(call, given, returned).expect(BOUND);
         }
     }
 
@@ -109,8 +106,9 @@ impl<L: Block> Executor<L> for Native<L::Float> {
             return;
         };
         let (model, width) = (step.model.model, L::WIDTH);
-        let call = code.common.number(part).expect(CODED);
-        let (mut session, masks) = (code.lend(coded.groups, (scratch, step)).0, [given, u32::MAX]);
+        let call = code.common.first(part.op) + part.of as usize;
+        let masks = [given, u32::MAX];
+        let mut session = code.lend(coded.groups, (scratch, step), &mut &[][..]);
         if !session.has(call) {
             coded.bind(&mut session, call);
         }

@@ -7,7 +7,7 @@ use lanesim_codegen::{Block, Float, Scratch, Session};
 use lanesim_kernels::constraint::ContactRow;
 use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{Group, Op, Part, Parts, Step};
+use lanesim_kernels::part::{Group, Groups, Op, Part, Parts, Step};
 
 use super::BOUND;
 use super::library::{Coded, KIND_OPS, ModelCode};
@@ -66,8 +66,9 @@ impl<'a, L: Block> Solve<'a, L> {
         }
         // Whatever of them acts later fits where all do.
         let whole = pattern((root, code), found, &constraint.contact_rows, u32::MAX)?;
-        let varied = |group: &Group| *group != Group::Varied || code.varies();
-        let (session, rows) = code.lend(GROUPS.into_iter().filter(varied).collect(), (scratch, step));
+        let groups = if code.varies() { GROUPS.and(&[Group::Varied]) } else { GROUPS };
+        let mut rows = &[][..];
+        let session = code.lend(groups, (scratch, step), &mut rows);
         Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, session })
     }
 
@@ -78,7 +79,7 @@ impl<'a, L: Block> Solve<'a, L> {
             (Part { op: op @ (Op::Descend | Op::Polish), of: 1 }, Factor::Filled(place)) => {
                 self.code.common.count() + 2 * place + usize::from(op == Op::Polish)
             }
-            _ => self.code.common.number(part).expect(COMPILED),
+            _ => self.code.common.first(part.op) + part.of as usize,
         }
     }
 
@@ -98,9 +99,8 @@ impl<'a, L: Block> Solve<'a, L> {
 }
 
 /// Groups of fields that parts of a solve have to do with.
-const GROUPS: [Group; 9] = [
+const GROUPS: Groups = Groups::of(&[
     Group::State,
-    Group::Varied,
     Group::Shared,
     Group::Position,
     Group::Inertia,
@@ -108,7 +108,7 @@ const GROUPS: [Group; 9] = [
     Group::Constraint,
     Group::Solver,
     Group::Rows,
-];
+]);
 /// Parts of contacts both sides of which move.
 const PAIR_OPS: [Op; 1] = [Op::Couple];
 
@@ -139,18 +139,6 @@ fn pattern<T: Float>(
     [Op::Descend, Op::Polish].into_iter().all(full).then_some(Factor::Full)
 }
 
-/// Runs a bound part for windows, or binds it first.
-macro_rules! run_each {
-    ($self:ident, $part:expr, $masks:expr, $windows:expr) => {{
-        let (part, masks) = ($part, $masks);
-        let call = $self.call(part);
-        if $self.session.run_each(call, masks, $windows).is_none() {
-            $self.bind(part, call);
-            $self.session.run_each(call, masks, $windows).expect(BOUND);
-        }
-    }};
-}
-
 impl<L: Block> Parts for Solve<'_, L> {
     fn rows(&self) -> &[ContactRow] {
         self.rows
@@ -159,12 +147,11 @@ impl<L: Block> Parts for Solve<'_, L> {
     #[inline]
     fn run(&mut self, part: Part, [given, lanes]: [u32; 2]) -> [u32; 2] {
         let call = self.call(part);
-        match self.session.run(call, given, lanes) {
-            Some(masks) => masks,
-            None => {
-                self.bind(part, call);
-                self.session.run(call, given, lanes).expect(BOUND)
+        loop {
+            if let Some(masks) = self.session.run(call, given, lanes) {
+                return masks;
             }
+            self.bind(part, call);
         }
     }
 
@@ -185,10 +172,9 @@ impl<L: Block> Parts for Solve<'_, L> {
             if windows.is_empty() || !op.applies(self.code.common.rows.kinds[kind].sides) {
                 continue;
             }
-            let part = Part::of(op, kind as u32);
-            let call = self.call(part);
+            let call = self.code.common.first(op) + kind;
             if self.session.run_each(call, masks, windows).is_none() {
-                self.bind(part, call);
+                self.bind(Part::of(op, kind as u32), call);
                 let windows = if whole { self.places.all(kind) } else { self.places.active(kind) };
                 self.session.run_each(call, masks, windows).expect(BOUND);
             }
@@ -196,7 +182,11 @@ impl<L: Block> Parts for Solve<'_, L> {
     }
 
     fn row(&mut self, op: Op, row: usize, masks: [u32; 2]) {
-        run_each!(self, self.rows[row].part(op), masks, self.places.single(row));
+        let part = self.rows[row].part(op);
+        let call = self.code.common.first(op) + part.of as usize;
+        while self.session.run_each(call, masks, self.places.single(row)).is_none() {
+            self.bind(part, call);
+        }
     }
 
     fn fill(&mut self, acting: u32) -> bool {

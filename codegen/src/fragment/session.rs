@@ -18,8 +18,7 @@ use crate::native::{Arguments, Code};
 /// others run.
 pub struct Session<'a, T> {
     scratch: &'a mut Scratch,
-    /// The fields that are lent.
-    lent: Fields,
+    /// Fields.
     borrowed: PhantomData<FieldSlice<'a, T>>,
 }
 
@@ -55,33 +54,49 @@ impl Fields {
 }
 
 /// What sessions leave for the next one.
-#[derive(Default)]
 pub(super) struct Kept {
     /// Whose code is bound.
     owner: Option<Arc<dyn Any + Send + Sync>>,
     /// That of the code that is bound.
     precision: Option<Precision>,
     /// Address and tag of every field when it was last lent.
-    fields: Vec<(usize, usize)>,
+    fields: Box<[(usize, usize); Fields::MOST]>,
+    /// The fields that the session lends.
+    lent: Fields,
     /// Fields that were lent at several places.
     moving: Fields,
-    /// Goes up when a field moves.
-    epoch: u64,
+    /// Number of the session, from 1; it goes up as well when a field is another one.
+    session: u64,
     /// Calls by number.
     calls: Vec<Bound>,
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Kept {
+            owner: None,
+            precision: None,
+            fields: Box::new([(0, 0); Fields::MOST]),
+            lent: Fields::default(),
+            moving: Fields::default(),
+            session: 0,
+            calls: vec![],
+        }
+    }
 }
 
 /// A call. Only what is bound may be run, and only in a session that lends all of its fields, whose tags are those that it was
 /// bound to, with their addresses as they are then.
 struct Bound {
+    /// The session that was found to lend its fields, where they are now.
+    session: u64,
     /// The code and its constants, kept alive; `None`: nothing is bound.
     machine: Option<Arc<Machine>>,
     isa: InstructionSet,
     /// The fields that it has to do with.
     uses: Fields,
-    /// Those of them that may be elsewhere next time, and when they were last looked up.
+    /// Those of them that may be elsewhere next time.
     moving: Vec<Moving>,
-    epoch: u64,
     /// Number of its fields, and their addresses for every part of the block.
     fields: usize,
     addresses: Vec<usize>,
@@ -113,9 +128,9 @@ impl Bound {
         Bound {
             machine: None,
             isa: InstructionSet::Avx2,
+            session: 0,
             uses: Fields::default(),
             moving: vec![],
-            epoch: 0,
             fields: 0,
             addresses: vec![],
             columns: 0,
@@ -127,16 +142,19 @@ impl Bound {
         }
     }
 
-    /// Looks up where fields that move are.
-    fn follow(&mut self, fields: &[(usize, usize)], epoch: u64) {
-        let Bound { moving, addresses, fields: count, .. } = self;
-        for Moving { place, field, offsets } in moving {
+    /// Makes sure that a session lends its fields, and looks up where those are that move. `None`: nothing is bound.
+    #[inline(never)]
+    fn enter(&mut self, lent: &Fields, fields: &[(usize, usize)], session: u64) -> Option<()> {
+        self.machine.as_ref()?;
+        assert!(lent.includes(&self.uses), "a field that is not lent");
+        for Moving { place, field, offsets } in &self.moving {
             let start = fields[*field].0;
-            for (address, offset) in addresses[*place..].iter_mut().step_by(*count).zip(offsets) {
+            for (address, offset) in self.addresses[*place..].iter_mut().step_by(self.fields).zip(offsets) {
                 *address = start.wrapping_add(*offset);
             }
         }
-        self.epoch = epoch;
+        self.session = session;
+        Some(())
     }
 }
 
@@ -144,17 +162,17 @@ impl Kept {
     /// A field is elsewhere, or another one.
     #[inline(never)]
     fn replace(&mut self, field: usize, start: usize, tag: usize) {
-        let Kept { fields, moving, epoch, calls, .. } = self;
+        let Kept { fields, moving, session, calls, .. } = self;
         let other = fields[field].1 != tag;
         if other || !moving.has(field) {
             for call in calls.iter_mut().filter(|call| call.uses.has(field)) {
-                call.machine = None;
+                (call.machine, call.session) = (None, 0);
             }
         }
         if !other {
             moving.add(field);
         }
-        *epoch += 1;
+        *session += 1;
         fields[field] = (start, tag);
     }
 }
@@ -167,9 +185,10 @@ impl<'a, T: Float> Session<'a, T> {
         let same = kept.owner.as_ref().is_some_and(|known| std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(owner)));
         if !same || kept.precision != Some(T::PRECISION) {
             *kept = Kept { owner: Some(owner.clone()), precision: Some(T::PRECISION), ..Kept::default() };
-            kept.fields = vec![(0, 0); Fields::MOST];
         }
-        Session { scratch, lent: Fields::default(), borrowed: PhantomData }
+        kept.lent = Fields::default();
+        kept.session += 1;
+        Session { scratch, borrowed: PhantomData }
     }
 
     /// Lends fields with consecutive numbers.
@@ -180,15 +199,17 @@ impl<'a, T: Float> Session<'a, T> {
     #[inline(always)]
     pub fn lend<const N: usize>(&mut self, first: usize, fields: [FieldSlice<'a, T>; N]) {
         assert!(first + N <= Fields::MOST, "fields beyond {}", Fields::MOST);
+        let kept = &mut self.scratch.kept;
         for (field, lent) in (first..).zip(&fields) {
             // Exposed: code that was bound in an earlier session uses the address.
             let (start, tag) = (lent.start.expose_provenance(), lent.tag);
-            if self.scratch.kept.fields[field] != (start, tag) {
-                self.scratch.kept.replace(field, start, tag);
+            let known = kept.fields[field];
+            if known.0 != start || known.1 != tag {
+                kept.replace(field, start, tag);
             }
         }
         for field in first..first + N {
-            self.lent.add(field);
+            kept.lent.add(field);
         }
     }
 
@@ -208,14 +229,14 @@ impl<'a, T: Float> Session<'a, T> {
         assert!(columns <= MOST_COLUMNS, "too many columns for a session");
         assert!(fragment.masks_in <= 1, "too many masks for a session");
         self.scratch.reserve(fragment);
-        let Kept { fields: known, calls, moving, epoch, .. } = &mut self.scratch.kept;
+        let Kept { fields: known, lent, calls, moving, .. } = &mut self.scratch.kept;
         if calls.len() <= call {
             calls.resize_with(call + 1, Bound::nothing);
         }
         let bound = &mut calls[call];
-        *bound = Bound { room: [usize::MAX; MOST_COLUMNS], epoch: *epoch, columns, ..Bound::nothing() };
+        *bound = Bound { room: [usize::MAX; MOST_COLUMNS], columns, ..Bound::nothing() };
         for (place, (field, wanted)) in fields.clone().zip(&fragment.wanted).enumerate() {
-            assert!(self.lent.has(field), "field {field} is not lent");
+            assert!(lent.has(field), "field {field} is not lent");
             let fits = match bound.room.get_mut(wanted.column) {
                 None => wanted.differs(known[field].1) == 0,
                 Some(most) => wanted.room::<T>(known[field].1).is_some_and(|room| {
@@ -257,13 +278,13 @@ impl<'a, T: Float> Session<'a, T> {
     /// # Panics
     ///
     /// If the call is one for windows, returns more masks, or a field of it is not lent.
-    #[inline]
+    #[inline(always)]
     pub fn run(&mut self, call: usize, mask: u32, lanes: u32) -> Option<[u32; MASKS]> {
         let Ready { call, machine, slots, .. } = self.call(call)?;
         assert!(call.columns == 0 && call.masks.len() <= MASKS, "code for windows, or that returns more masks");
-        let mut masks = call.known;
         // SAFETY: as in `Fragment::run`: `bind` has compared the fields, and `call` vouches for the rest.
         let run = |code: &Code, arguments: &Arguments| unsafe { code.run(arguments) };
+        let mut masks = call.known;
         for part in Part::all::<T>(call.isa) {
             if part.is_left_out(lanes) {
                 masks.iter_mut().for_each(|mask| *mask &= !part.lanes);
@@ -271,8 +292,8 @@ impl<'a, T: Float> Session<'a, T> {
             }
             let (given, mut returned) = ([mask >> part.first], [0; MASKS]);
             part.run((call, machine), slots, (given.as_ptr(), returned.as_mut_ptr()), run);
-            for (i, mask) in masks.iter_mut().enumerate() {
-                *mask |= (returned[i] << part.first) & call.left[i];
+            for i in 0..MASKS {
+                masks[i] |= (returned[i] << part.first) & call.left[i];
             }
         }
         Some(masks)
@@ -310,7 +331,7 @@ impl<'a, T: Float> Session<'a, T> {
     ///
     /// If the call is not one for windows of so many columns, an item may start so late that a window does not lie within its
     /// field, or a field is not lent.
-    #[inline]
+    #[inline(always)]
     pub fn run_each<const N: usize>(
         &mut self,
         call: usize,
@@ -365,11 +386,10 @@ impl<'a, T: Float> Session<'a, T> {
     #[inline(always)]
     fn call(&mut self, number: usize) -> Option<Ready<'_>> {
         let Scratch { kept, slots, masks_out, .. } = &mut *self.scratch;
-        let Kept { fields, epoch, calls, .. } = kept;
-        let call = calls.get_mut(number).filter(|call| call.machine.is_some())?;
-        assert!(self.lent.includes(&call.uses), "a field that is not lent");
-        if call.epoch != *epoch {
-            call.follow(fields, *epoch);
+        let Kept { fields, lent, session, calls, .. } = kept;
+        let call = calls.get_mut(number)?;
+        if call.session != *session {
+            call.enter(lent, &fields[..], *session)?;
         }
         let machine = call.machine.as_deref()?;
         Some(Ready { machine, slots: slots.as_mut_ptr().cast(), masks_out, call })

@@ -229,16 +229,29 @@ impl Groups {
     /// All.
     pub const ALL: Groups = Groups(u32::MAX);
 
+    /// Those of a list.
+    pub const fn of(list: &[Group]) -> Groups {
+        Groups::NONE.and(list)
+    }
+
+    /// None.
+    pub const NONE: Groups = Groups(0);
+
+    /// With more.
+    #[must_use]
+    pub const fn and(self, list: &[Group]) -> Groups {
+        let (mut set, mut i) = (self.0, 0);
+        while i < list.len() {
+            set |= 1 << list[i] as u32;
+            i += 1;
+        }
+        Groups(set)
+    }
+
     /// Whether a group is among them.
     #[inline(always)]
     pub const fn has(self, group: Group) -> bool {
         self.0 >> group as u32 & 1 != 0
-    }
-}
-
-impl FromIterator<Group> for Groups {
-    fn from_iter<I: IntoIterator<Item = Group>>(groups: I) -> Self {
-        Groups(groups.into_iter().fold(0, |all, group| all | 1 << group as u32))
     }
 }
 
