@@ -4,7 +4,7 @@ mod call;
 mod session;
 mod windows;
 
-pub use session::Session;
+pub use session::{Lending, Session};
 pub use windows::{Windows, WindowsList};
 
 use std::collections::BTreeMap;

@@ -98,7 +98,7 @@ mod uses;
 
 pub use error::CompileError;
 pub use float::{Block, Float, Precision};
-pub use fragment::{FieldSlice, Fragment, Scratch, Session, Windows, WindowsList};
+pub use fragment::{FieldSlice, Fragment, Lending, Scratch, Session, Windows, WindowsList};
 pub use graph::Op;
 pub use isa::InstructionSet;
 pub use recorder::{Recorder, RecorderMask};

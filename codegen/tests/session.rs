@@ -6,7 +6,9 @@ mod support;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use lanesim_codegen::{FieldSlice, Fragment, InstructionSet, Program, Recorder, Recording, Scratch, Session, Windows};
+use lanesim_codegen::{
+    FieldSlice, Fragment, InstructionSet, Lending, Program, Recorder, Recording, Scratch, Session, Windows,
+};
 use lanesim_kernels::lane::{Lane, LaneQuery, Mask};
 use support::{assert_same, instruction_sets};
 use wide::f64x8;
@@ -17,9 +19,11 @@ fn session<'a, const N: usize>(
     owner: &Arc<()>,
     fields: [FieldSlice<'a, f64>; N],
 ) -> Session<'a, f64> {
-    let mut session = Session::new(scratch, owner);
-    session.lend(0, fields);
-    session
+    let mut lending = Lending::new(scratch, owner);
+    for (number, field) in fields.into_iter().enumerate() {
+        lending.lend(number, field);
+    }
+    lending.finish()
 }
 
 fn ramp(n: usize) -> Vec<f64x8> {
@@ -131,7 +135,7 @@ fn calls_stay_bound_as_long_as_their_fields_are_the_same() {
         assert_same(isa.name(), &y, &[x[0] + x[0]]);
         let fields = [FieldSlice::<f64>::read(&x), FieldSlice::read(&y), FieldSlice::write(&mut z)];
         assert!(!session(&mut scratch, &owner, fields).has(0), "a field that is lent for reading only");
-        assert!(!Session::<f32>::new(&mut scratch, &owner).has(0), "another type of numbers");
+        assert!(!Lending::<f32>::new(&mut scratch, &owner).finish().has(0), "another type of numbers");
     }
 }
 
@@ -146,7 +150,8 @@ fn calls_follow_fields_that_move() {
         for round in 0..6 {
             let expected = places[round % 3][0] + x[1][1] + x[1][1];
             let place = &mut places[round % 3];
-            let mut session = self::session(&mut scratch, &owner, [FieldSlice::read(&x[1][1..]), FieldSlice::write(place)]);
+            let mut session =
+                self::session(&mut scratch, &owner, [FieldSlice::read(&x[1][1..]), FieldSlice::write(place)]);
             for (call, code) in [(0, &single), (1, &each)] {
                 if !session.has(call) {
                     session.bind(call, code, 0..2);

@@ -73,19 +73,14 @@ macro_rules! fields {
             pub fn bytes($sizes: &$crate::model::Sizes) -> usize {
                 0_usize$(.saturating_add(<$type as $crate::fields::Field<$l>>::bytes($len)))*
             }
-            /// All fields, in the order of declaration.
+            /// Calls `f` with every field, in the order of declaration.
             #[inline(always)]
-            pub fn all(&mut self) -> [$crate::fields::FieldView<'_, $l>; $name::<f64>::COUNT] {
-                [$($crate::fields::FieldView {
+            pub fn for_each<'a>(&'a mut self, f: &mut impl FnMut($crate::fields::FieldView<'a, $l>)) {
+                $(f($crate::fields::FieldView {
                     name: stringify!($field),
                     width: <$type as $crate::fields::Field<$l>>::width(),
                     data: $crate::fields::Field::lanes(&mut self.$field),
-                }),*]
-            }
-
-            /// Calls `f` with every field, in the order of declaration.
-            pub fn for_each<'a>(&'a mut self, f: &mut impl FnMut($crate::fields::FieldView<'a, $l>)) {
-                self.all().into_iter().for_each(f);
+                });)*
             }
         }
     };

@@ -2,13 +2,15 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use lanesim_codegen::{CompileError, FieldSlice, Float, Fragment, InstructionSet, Recording, Scratch, Session};
+use lanesim_codegen::{
+    CompileError, FieldSlice, Float, Fragment, InstructionSet, Lending, Recording, Scratch, Session,
+};
 use lanesim_kernels::collision::{self, Class, Near};
 use lanesim_kernels::constraint::{self, Classes, ContactRow};
 use lanesim_kernels::lane::LaneQuery;
 use lanesim_kernels::model::{Model as Tables, Pattern, Quantities, Quantity, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{Borrower, COLUMNS, Family, Group, Groups, Item, KIND_COLUMNS, Lanes, Op, Part, Step, stride};
+use lanesim_kernels::part::{COLUMNS, Family, Group, Item, KIND_COLUMNS, Lanes, Op, Part, Step, Threes, stride};
 use lanesim_kernels::solver;
 use lanesim_kernels::stage::Stage;
 
@@ -21,8 +23,8 @@ pub struct Coded<T> {
     pub fragment: Fragment<T>,
     /// Its fields in a step.
     pub sources: Vec<Source>,
-    /// The groups that these belong to.
-    pub groups: Groups,
+    /// The same as a set.
+    pub set: Threes,
 }
 
 impl<T: Float> Coded<T> {
@@ -30,29 +32,6 @@ impl<T: Float> Coded<T> {
     #[cold]
     pub fn bind(&self, session: &mut Session<'_, T>, call: usize) {
         session.bind(call, &self.fragment, self.sources.iter().map(|source| source.field));
-    }
-}
-
-/// Lends the fields of a step to a session.
-struct Lender<'a, T> {
-    session: Session<'a, T>,
-    shared: &'a [Vec<T>; Quantity::SHARED.len()],
-}
-
-impl<'a, T: Float> Borrower<'a, T::Block> for Lender<'a, T> {
-    #[inline(always)]
-    fn take<const N: usize>(&mut self, group: Group, _: [&'static str; N], fields: [Lanes<'a, T::Block>; N]) {
-        let Lender { session, shared } = self;
-        if group == Group::Shared {
-            return session.lend(group.first(), shared.each_ref().map(|numbers| FieldSlice::uniform(numbers)));
-        }
-        session.lend(
-            group.first(),
-            fields.map(|lanes| match lanes {
-                Lanes::Write(lanes) => FieldSlice::write(lanes),
-                Lanes::Read(lanes) => FieldSlice::read(lanes),
-            }),
-        );
     }
 }
 
@@ -86,8 +65,8 @@ pub struct ModelCode<T> {
     reads: Vec<OnceLock<Quantities>>,
     structure: OnceLock<Structure<T>>,
     pub patterns: Arc<Patterns<T>>,
-    /// Whether all parts of a solve have code.
-    solves: OnceLock<bool>,
+    /// Fields of parts of a solve; `None`: not all of these have code.
+    solves: OnceLock<Option<Threes>>,
 }
 
 impl<T: Float> Common<T> {
@@ -295,6 +274,14 @@ impl<T: Float> ModelCode<T> {
         self.slots[number].get_or_init(|| self.find(root, part, number)).as_deref()
     }
 
+    /// Makes the code of a part ready as a call of a session.
+    #[cold]
+    pub fn bind(self: &Arc<Self>, root: &Arc<Self>, part: Part, session: &mut Session<'_, T>, call: usize) {
+        if let Some(coded) = self.get(root, part) {
+            coded.bind(session, call);
+        }
+    }
+
     /// The code of a part: that of another set, if the part depends on nothing in which the sets differ, or new.
     #[cold]
     fn find(self: &Arc<Self>, root: &Arc<Self>, part: Part, number: usize) -> Option<Arc<Coded<T>>> {
@@ -338,9 +325,8 @@ impl<T: Float> ModelCode<T> {
             KIND_COLUMNS => program.compile_each::<KIND_COLUMNS>(isa, &columns),
             _ => program.compile_each::<COLUMNS>(isa, &columns),
         }?;
-        let group = |all: Groups, source: &Source| all.and(&[Group::of(source.field)]);
-        let groups = sources.iter().fold(Groups::NONE, group);
-        Ok(Coded { fragment: fragment.named(&self.common.name(&self.tables, part)), sources, groups })
+        let set = sources.iter().fold(Threes::default(), |set, source| set.with(source.field));
+        Ok(Coded { fragment: fragment.named(&self.common.name(&self.tables, part)), sources, set })
     }
 
     /// The code of a part on a filled pattern.
@@ -388,32 +374,50 @@ impl<T: Float> ModelCode<T> {
         Op::ALL.iter().flat_map(|op| self.common.parts(*op)).filter(wanted)
     }
 
-    /// Whether all parts of a solve have code, but for those of single pairs and of filled patterns.
+    /// The fields that parts of a solve have to do with, if all have code but for those of single pairs and of filled patterns.
     #[inline]
-    pub fn solves(self: &Arc<Self>, root: &Arc<Self>) -> bool {
+    pub fn solves(self: &Arc<Self>, root: &Arc<Self>) -> Option<Threes> {
         *self.solves.get_or_init(|| {
             let filled = |part: &Part| matches!(part.op, Op::Descend | Op::Polish) && part.of == 1;
             let of_solve = |part: &Part| part.op.stage() == Stage::Solver && !filled(part);
-            self.wanted().filter(of_solve).all(|part| self.get(root, part).is_some())
+            let set = |part| self.get(root, part).map(|coded| coded.set);
+            let mut fields = Threes::NONE;
+            for part in self.wanted().filter(of_solve) {
+                fields = fields.or(set(part)?);
+            }
+            // Of those of single pairs, some stand for all.
+            let Classes { couples, kinds, .. } = &self.common.rows;
+            for sides in [Sides::Two, Sides::Apart] {
+                let first = |rows: &[ContactRow]| rows.iter().copied().find(|row| row.sides == sides);
+                let couple = (Op::Couple, first(couples));
+                let of_kind = KIND_OPS.map(|op| (op, first(kinds)));
+                for (op, row) in of_kind.into_iter().chain([couple]) {
+                    let code = row.and_then(|row| set(row.part(op)));
+                    fields = fields.or(code.unwrap_or_default());
+                }
+            }
+            Some(fields)
         })
     }
 
-    /// Lends groups of fields to a session, and the list of contacts.
+    /// Lends fields to a session, and the list of contacts.
     #[inline(never)]
     pub fn lend<'a>(
         self: &'a Arc<Self>,
-        groups: Groups,
+        set: Threes,
         (scratch, step): (&'a mut Scratch, &'a mut Step<'_, T::Block>),
         rows: &mut &'a [ContactRow],
     ) -> Session<'a, T> {
-        let mut lender = Lender { session: Session::new(scratch, self), shared: &self.common.shared };
-        *rows = step.lend(groups, &mut lender);
-        lender.session
-    }
-
-    /// Whether anything varies.
-    pub fn varies(&self) -> bool {
-        !self.set.is_empty()
+        let mut lending = Lending::new(scratch, self);
+        let shared = |field: usize| self.common.shared.get(field.checked_sub(Group::Shared.first())?);
+        *rows = step.lend(set, &mut |field, _, lanes| {
+            let lent = match lanes {
+                Lanes::Write(lanes) => FieldSlice::write(lanes),
+                Lanes::Read(lanes) => shared(field).map_or_else(|| FieldSlice::read(lanes), |x| FieldSlice::uniform(x)),
+            };
+            lending.lend(field, lent);
+        });
+        lending.finish()
     }
 
     /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.

@@ -16,7 +16,7 @@ use std::sync::{Arc, OnceLock};
 
 use lanesim_codegen::{Block, Float, InstructionSet, Scratch, Windows};
 use lanesim_kernels::model::{Model as Tables, Quantities};
-use lanesim_kernels::part::{COLUMNS, Executor, Family, Item, KIND_COLUMNS, Part, Parts, Step};
+use lanesim_kernels::part::{COLUMNS, Executor, Family, Item, KIND_COLUMNS, Part, Parts, Step, Threes};
 
 pub(crate) use library::ModelCode;
 use patterns::Found;
@@ -55,6 +55,8 @@ pub(crate) struct Native<T: Float> {
     root: Arc<ModelCode<T>>,
     code: Arc<ModelCode<T>>,
     scratch: Scratch,
+    /// By number of part, the fields of its code; none: it was not asked for yet, or has no code.
+    sets: Vec<Threes>,
     /// Of the items of a call.
     windows: Windows<COLUMNS>,
     kinds: Windows<KIND_COLUMNS>,
@@ -71,8 +73,18 @@ impl<T: Float> Native<T> {
         let places = Places::with_capacity(most, &code.common.rows);
         let filled = Found::new(&code.tables);
         let (windows, kinds) = (Windows::with_capacity(1, most), Windows::with_capacity(1, most));
-        let worlds = Vec::with_capacity(most);
-        Native { root: code.clone(), code, scratch: Scratch::new(), windows, kinds, worlds, places, filled }
+        let (worlds, sets) = (Vec::with_capacity(most), vec![Threes::NONE; code.common.count()]);
+        Native { root: code.clone(), code, scratch: Scratch::new(), sets, windows, kinds, worlds, places, filled }
+    }
+
+    /// Number of a part, and the fields of its code; `None`: it has no code.
+    #[inline(always)]
+    fn find(&mut self, part: Part) -> Option<(usize, Threes)> {
+        let call = self.code.common.number(part)?;
+        if self.sets[call] == Threes::NONE {
+            self.sets[call] = self.code.get(&self.root, part)?.set;
+        }
+        Some((call, self.sets[call]))
     }
 }
 
@@ -88,29 +100,25 @@ impl<L: Block> Executor<L> for Native<L::Float> {
     }
 
     fn run(&mut self, part: Part, given: u32, returned: &mut [u32], step: &mut Step<'_, L>) {
-        let Native { root, code, scratch, .. } = self;
-        let Some(coded) = code.get(root, part) else {
+        let Some((call, set)) = self.find(part) else {
             return part.run_lanes(&Item::Whole, given, returned, step);
         };
-        let call = code.common.first(part.op) + part.of as usize;
-        let mut session = code.lend(coded.groups, (scratch, step), &mut &[][..]);
+        let Native { root, code, scratch, .. } = self;
+        let mut session = code.lend(set, (scratch, step), &mut &[][..]);
         while session.run_into(call, given, returned).is_none() {
-            coded.bind(&mut session, call);
+            code.bind(root, part, &mut session, call);
         }
     }
 
     fn each(&mut self, part: Part, items: &mut dyn Iterator<Item = Item<'_>>, given: u32, step: &mut Step<'_, L>) {
-        let Native { root, code, scratch, windows, kinds, worlds, .. } = self;
-        let Some(coded) = code.get(root, part) else {
-            items.for_each(|item| part.run_lanes(&item, given, &mut [], step));
-            return;
+        let Some((call, set)) = self.find(part) else {
+            return items.for_each(|item| part.run_lanes(&item, given, &mut [], step));
         };
-        let (model, width) = (step.model.model, L::WIDTH);
-        let call = code.common.first(part.op) + part.of as usize;
-        let masks = [given, u32::MAX];
-        let mut session = code.lend(coded.groups, (scratch, step), &mut &[][..]);
+        let Native { root, code, scratch, windows, kinds, worlds, .. } = self;
+        let (model, width, masks) = (step.model.model, L::WIDTH, [given, u32::MAX]);
+        let mut session = code.lend(set, (scratch, step), &mut &[][..]);
         if !session.has(call) {
-            coded.bind(&mut session, call);
+            code.bind(root, part, &mut session, call);
         }
         if code.common.columns(part) == KIND_COLUMNS {
             kinds.clear();

@@ -7,7 +7,7 @@ use lanesim_codegen::{Block, Float, Scratch, Session};
 use lanesim_kernels::constraint::ContactRow;
 use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{Group, Groups, Op, Part, Parts, Step};
+use lanesim_kernels::part::{Op, Part, Parts, Step};
 
 use super::BOUND;
 use super::library::{Coded, KIND_OPS, ModelCode};
@@ -52,10 +52,9 @@ impl<'a, L: Block> Solve<'a, L> {
         if step.model.options.solver == options::Solver::Pgs {
             return None;
         }
-        if !code.solves(root) {
-            return None;
-        }
-        let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some());
+        let set = code.solves(root)?;
+        let lent = |coded: &Coded<_>| set.includes(coded.set);
+        let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some_and(lent));
         let of_pair = |row: &ContactRow| match row.sides {
             Sides::One => true,
             Sides::Two => coded(row, &PAIR_OPS),
@@ -65,10 +64,10 @@ impl<'a, L: Block> Solve<'a, L> {
             return None;
         }
         // Whatever of them acts later fits where all do.
-        let whole = pattern((root, code), found, &constraint.contact_rows, u32::MAX)?;
-        let groups = if code.varies() { GROUPS.and(&[Group::Varied]) } else { GROUPS };
+        let full = [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
+        let whole = if full { Factor::Full } else { pattern((root, code), found, &constraint.contact_rows, u32::MAX)? };
         let mut rows = &[][..];
-        let session = code.lend(groups, (scratch, step), &mut rows);
+        let session = code.lend(set, (scratch, step), &mut rows);
         Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, session })
     }
 
@@ -98,17 +97,6 @@ impl<'a, L: Block> Solve<'a, L> {
     }
 }
 
-/// Groups of fields that parts of a solve have to do with.
-const GROUPS: Groups = Groups::of(&[
-    Group::State,
-    Group::Shared,
-    Group::Position,
-    Group::Inertia,
-    Group::Acceleration,
-    Group::Constraint,
-    Group::Solver,
-    Group::Rows,
-]);
 /// Parts of contacts both sides of which move.
 const PAIR_OPS: [Op; 1] = [Op::Couple];
 

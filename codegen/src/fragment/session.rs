@@ -28,6 +28,8 @@ const MASKS: usize = 2;
 const MOST_COLUMNS: usize = 16;
 /// Words of a set of fields.
 const WORDS: usize = 3;
+/// Sets of fields that are remembered.
+const SETS: usize = 64;
 
 /// A set of fields, by number.
 #[derive(Clone, Copy, Default)]
@@ -61,12 +63,17 @@ pub(super) struct Kept {
     precision: Option<Precision>,
     /// Address and tag of every field when it was last lent.
     fields: Box<[(usize, usize); Fields::MOST]>,
-    /// The fields that the session lends.
-    lent: Fields,
+    /// Number of the set of fields that the session lends, and its place.
+    set: u64,
+    place: usize,
+    /// Sets that were lent, with their numbers, at places that follow from the sets.
+    sets: Box<[(Fields, u64); SETS]>,
+    /// Number of sets so far.
+    count: u64,
     /// Fields that were lent at several places.
     moving: Fields,
-    /// Number of the session, from 1; it goes up as well when a field is another one.
-    session: u64,
+    /// Goes up when a field moves; from 1.
+    epoch: u64,
     /// Calls by number.
     calls: Vec<Bound>,
 }
@@ -77,9 +84,12 @@ impl Default for Kept {
             owner: None,
             precision: None,
             fields: Box::new([(0, 0); Fields::MOST]),
-            lent: Fields::default(),
+            set: 0,
+            place: 0,
+            sets: Box::new([(Fields::default(), 0); SETS]),
+            count: 0,
             moving: Fields::default(),
-            session: 0,
+            epoch: 1,
             calls: vec![],
         }
     }
@@ -88,8 +98,10 @@ impl Default for Kept {
 /// A call. Only what is bound may be run, and only in a session that lends all of its fields, whose tags are those that it was
 /// bound to, with their addresses as they are then.
 struct Bound {
-    /// The session that was found to lend its fields, where they are now.
-    session: u64,
+    /// Number of the set that was lent when it was last looked whether all of its own are in it.
+    set: u64,
+    /// When those that move were last looked up; `u64::MAX` if none does.
+    epoch: u64,
     /// The code and its constants, kept alive; `None`: nothing is bound.
     machine: Option<Arc<Machine>>,
     isa: InstructionSet,
@@ -128,7 +140,8 @@ impl Bound {
         Bound {
             machine: None,
             isa: InstructionSet::Avx2,
-            session: 0,
+            set: 0,
+            epoch: 0,
             uses: Fields::default(),
             moving: vec![],
             fields: 0,
@@ -142,9 +155,10 @@ impl Bound {
         }
     }
 
-    /// Makes sure that a session lends its fields, and looks up where those are that move. `None`: nothing is bound.
+    /// Makes sure that its fields are lent, and looks up those that move. `None`: nothing is bound.
+    #[cold]
     #[inline(never)]
-    fn enter(&mut self, lent: &Fields, fields: &[(usize, usize)], session: u64) -> Option<()> {
+    fn enter(&mut self, (lent, set): &(Fields, u64), fields: &[(usize, usize)], epoch: u64) -> Option<()> {
         self.machine.as_ref()?;
         assert!(lent.includes(&self.uses), "a field that is not lent");
         for Moving { place, field, offsets } in &self.moving {
@@ -153,66 +167,101 @@ impl Bound {
                 *address = start.wrapping_add(*offset);
             }
         }
-        self.session = session;
+        (self.set, self.epoch) = (*set, if self.moving.is_empty() { u64::MAX } else { epoch });
         Some(())
     }
 }
 
 impl Kept {
+    /// Begins for other code: nothing is bound.
+    #[cold]
+    fn begin(&mut self, owner: Arc<dyn Any + Send + Sync>, precision: Precision) {
+        *self = Kept { owner: Some(owner), precision: Some(precision), ..Kept::default() };
+    }
+
+    /// Looks up the number of the set that is lent.
+    #[inline(always)]
+    fn lend(&mut self, lent: Fields) {
+        let [first, second, third] = lent.0;
+        let mixed = first ^ second.rotate_left(21) ^ third.rotate_left(42);
+        let place = mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15) as usize >> (u64::BITS - SETS.ilog2());
+        let (known, number) = &self.sets[place];
+        // Word by word: registers that are wider would have to wait for what was just written.
+        if known.0[0] != first || known.0[1] != second || known.0[2] != third || *number == 0 {
+            self.remember(place, lent);
+        }
+        (self.set, self.place) = (self.sets[place].1, place);
+    }
+
+    #[cold]
+    fn remember(&mut self, place: usize, lent: Fields) {
+        self.count += 1;
+        self.sets[place] = (lent, self.count);
+    }
+
     /// A field is elsewhere, or another one.
+    #[cold]
     #[inline(never)]
     fn replace(&mut self, field: usize, start: usize, tag: usize) {
-        let Kept { fields, moving, session, calls, .. } = self;
+        let Kept { fields, moving, epoch, calls, .. } = self;
         let other = fields[field].1 != tag;
         if other || !moving.has(field) {
             for call in calls.iter_mut().filter(|call| call.uses.has(field)) {
-                (call.machine, call.session) = (None, 0);
+                (call.machine, call.set) = (None, 0);
             }
         }
         if !other {
             moving.add(field);
         }
-        *session += 1;
+        *epoch += 1;
         fields[field] = (start, tag);
     }
 }
 
-impl<'a, T: Float> Session<'a, T> {
+/// A session that is being made: its fields are lent one after the other.
+pub struct Lending<'a, T> {
+    scratch: &'a mut Scratch,
+    lent: Fields,
+    borrowed: PhantomData<FieldSlice<'a, T>>,
+}
+
+impl<'a, T: Float> Lending<'a, T> {
     /// Lends nothing yet. Calls that were bound for the same owner of code stay, so that numbers of calls are that owner's own.
-    #[inline]
+    #[inline(always)]
     pub fn new<O: Any + Send + Sync>(scratch: &'a mut Scratch, owner: &Arc<O>) -> Self {
         let kept = &mut scratch.kept;
         let same = kept.owner.as_ref().is_some_and(|known| std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(owner)));
         if !same || kept.precision != Some(T::PRECISION) {
-            *kept = Kept { owner: Some(owner.clone()), precision: Some(T::PRECISION), ..Kept::default() };
+            kept.begin(owner.clone(), T::PRECISION);
         }
-        kept.lent = Fields::default();
-        kept.session += 1;
-        Session { scratch, borrowed: PhantomData }
+        Lending { scratch, lent: Fields::default(), borrowed: PhantomData }
     }
 
-    /// Lends fields with consecutive numbers.
+    /// Lends a field under a number.
     ///
     /// # Panics
     ///
-    /// If a number is 192 or more.
+    /// If the number is 192 or more.
     #[inline(always)]
-    pub fn lend<const N: usize>(&mut self, first: usize, fields: [FieldSlice<'a, T>; N]) {
-        assert!(first + N <= Fields::MOST, "fields beyond {}", Fields::MOST);
-        let kept = &mut self.scratch.kept;
-        for (field, lent) in (first..).zip(&fields) {
-            // Exposed: code that was bound in an earlier session uses the address.
-            let (start, tag) = (lent.start.expose_provenance(), lent.tag);
-            let known = kept.fields[field];
-            if known.0 != start || known.1 != tag {
-                kept.replace(field, start, tag);
-            }
+    pub fn lend(&mut self, number: usize, field: FieldSlice<'a, T>) {
+        // Exposed: code that was bound in an earlier session uses the address.
+        let (start, tag) = (field.start.expose_provenance(), field.tag);
+        let known = &self.scratch.kept.fields[number];
+        if known.0 != start || known.1 != tag {
+            self.scratch.kept.replace(number, start, tag);
         }
-        for field in first..first + N {
-            kept.lent.add(field);
-        }
+        self.lent.add(number);
     }
 
+    /// Ready for calls.
+    #[inline(always)]
+    pub fn finish(self) -> Session<'a, T> {
+        self.scratch.kept.lend(self.lent);
+        Session { scratch: self.scratch, borrowed: PhantomData }
+    }
+}
+
+impl<T: Float> Session<'_, T> {
     /// Whether a call is bound.
     pub fn has(&self, call: usize) -> bool {
         self.scratch.kept.calls.get(call).is_some_and(|call| call.machine.is_some())
@@ -229,14 +278,14 @@ impl<'a, T: Float> Session<'a, T> {
         assert!(columns <= MOST_COLUMNS, "too many columns for a session");
         assert!(fragment.masks_in <= 1, "too many masks for a session");
         self.scratch.reserve(fragment);
-        let Kept { fields: known, lent, calls, moving, .. } = &mut self.scratch.kept;
+        let Kept { fields: known, sets, place: set, calls, moving, .. } = &mut self.scratch.kept;
         if calls.len() <= call {
             calls.resize_with(call + 1, Bound::nothing);
         }
         let bound = &mut calls[call];
         *bound = Bound { room: [usize::MAX; MOST_COLUMNS], columns, ..Bound::nothing() };
         for (place, (field, wanted)) in fields.clone().zip(&fragment.wanted).enumerate() {
-            assert!(lent.has(field), "field {field} is not lent");
+            assert!(sets[*set].0.has(field), "field {field} is not lent");
             let fits = match bound.room.get_mut(wanted.column) {
                 None => wanted.differs(known[field].1) == 0,
                 Some(most) => wanted.room::<T>(known[field].1).is_some_and(|room| {
@@ -293,7 +342,7 @@ impl<'a, T: Float> Session<'a, T> {
             let (given, mut returned) = ([mask >> part.first], [0; MASKS]);
             part.run((call, machine), slots, (given.as_ptr(), returned.as_mut_ptr()), run);
             for i in 0..MASKS {
-                masks[i] |= (returned[i] << part.first) & call.left[i];
+                masks[i] |= (written(&returned[i]) << part.first) & call.left[i];
             }
         }
         Some(masks)
@@ -318,7 +367,7 @@ impl<'a, T: Float> Session<'a, T> {
             let given = [mask >> part.first];
             part.run((call, machine), slots, (given.as_ptr(), masks_out.as_mut_ptr()), run);
             for ((mask, word), [left, _]) in returned.iter_mut().zip(&*masks_out).zip(&call.masks) {
-                *mask |= (word << part.first) & left;
+                *mask |= (written(word) << part.first) & left;
             }
         }
         Some(())
@@ -386,10 +435,10 @@ impl<'a, T: Float> Session<'a, T> {
     #[inline(always)]
     fn call(&mut self, number: usize) -> Option<Ready<'_>> {
         let Scratch { kept, slots, masks_out, .. } = &mut *self.scratch;
-        let Kept { fields, lent, session, calls, .. } = kept;
+        let Kept { fields, sets, place, set, epoch, calls, .. } = kept;
         let call = calls.get_mut(number)?;
-        if call.session != *session {
-            call.enter(lent, &fields[..], *session)?;
+        if call.set != *set || call.epoch < *epoch {
+            call.enter(&sets[*place], &fields[..], *epoch)?;
         }
         let machine = call.machine.as_deref()?;
         Some(Ready { machine, slots: slots.as_mut_ptr().cast(), masks_out, call })
@@ -406,6 +455,13 @@ impl Bound {
             windows.largest.iter().zip(&self.room).fold(false, |beyond, (start, room)| beyond | (start > room));
         assert!(!beyond, "windows beyond their fields");
     }
+}
+
+/// A mask that code has just written, by itself: to read several at once would be to wait until they are in the cache.
+#[inline(always)]
+fn written(mask: &u32) -> u32 {
+    // SAFETY: a reference.
+    unsafe { std::ptr::read_volatile(mask) }
 }
 
 /// A call that may be run.
@@ -455,6 +511,12 @@ impl Part {
         let slots = slots.wrapping_add(super::bias(call.isa, call.isa.vector_bytes()));
         let fields = call.addresses[self.number * call.fields..].as_ptr().cast();
         run(&machine.code, &Arguments { fields, constants: machine.constants(), slots, masks_in, masks_out });
+    }
+}
+
+impl<T> std::fmt::Debug for Lending<'_, T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Lending").finish_non_exhaustive()
     }
 }
 

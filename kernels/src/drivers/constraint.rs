@@ -21,11 +21,7 @@ pub fn rows<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn
 fn measure(parts: &mut dyn Parts) {
     const ALL: u32 = u32::MAX;
     parts.each(Op::Measure, ALL, [ALL; 2]);
-    for row in 0..parts.rows().len() {
-        if parts.rows()[row].sides != Sides::One {
-            parts.row(Op::MeasureBoth, row, [ALL; 2]);
-        }
-    }
+    parts.each(Op::MeasureBoth, ALL, [ALL; 2]);
 }
 
 /// Lists the contacts that act in some world, and makes room for their numbers.

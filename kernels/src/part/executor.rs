@@ -78,7 +78,11 @@ impl<'a, 's, L: LaneQuery> OneByOne<'a, 's, L> {
 impl Op {
     /// Whether contacts with such sides have the part.
     pub fn applies(self, sides: Sides) -> bool {
-        !matches!(self, Op::Stiffen | Op::Measure) || sides == Sides::One
+        match self {
+            Op::Stiffen | Op::Measure => sides == Sides::One,
+            Op::MeasureBoth => sides != Sides::One,
+            _ => true,
+        }
     }
 }
 
@@ -110,14 +114,17 @@ impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
     fn each(&mut self, op: Op, acting: u32, [given, _]: [u32; 2]) {
         let OneByOne { executor, step, rows, .. } = self;
         let acting = rows.iter().filter(|row| row.lanes & acting != 0 && op.applies(row.sides));
-        for row in acting.clone().filter(|row| row.sides == Sides::Apart) {
+        // Forces of those between trees are summed in the order of the list.
+        let single = |row: &ContactRow| op.family() == Family::Kind && row.sides == Sides::Apart;
+        for row in acting.clone().filter(|row| single(row)) {
             executor.each(row.part(op), &mut std::iter::once(Item::Row(row)), given, step);
         }
-        let family = |row: &ContactRow| row.part(op).of;
-        let classes = acting.clone().filter(|row| row.sides != Sides::Apart).map(family).max();
-        for class in 0..classes.map_or(0, |last| last + 1) {
-            let of_class = acting.clone().filter(|row| row.sides != Sides::Apart && family(row) == class);
-            executor.each(Part::of(op, class), &mut of_class.map(Item::Row), given, step);
+        let others = acting.filter(|row| !single(row)).map(|row| (row.part(op).of, row));
+        let mut next = 0;
+        while let Some(class) = others.clone().map(|(class, _)| class).filter(|class| *class >= next).min() {
+            let of_class = others.clone().filter(|(of, _)| *of == class).map(|(_, row)| Item::Row(row));
+            executor.each(Part::of(op, class), &mut { of_class }, given, step);
+            next = class + 1;
         }
     }
 

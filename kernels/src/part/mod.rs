@@ -11,7 +11,7 @@ mod step;
 
 pub use executor::{Executor, Kernels, OneByOne, Parts};
 pub use item::{COLUMNS, Item, KIND_COLUMNS, Starts, WINDOWS, Window, stride};
-pub use step::{Borrower, Group, Groups, Lanes, Name, Step};
+pub use step::{Group, Lanes, Name, Step, Threes};
 
 use crate::collision::Collision;
 use crate::constraint::ContactRow;

@@ -62,14 +62,14 @@ impl<L: Lane> Step<'_, L> {
         (problem, &self.state.qacc_warmstart, solver)
     }
 
-    /// Lends all fields, one by one, in the order of their numbers.
+    /// Lends all fields, in the order of their numbers.
     pub fn lend_all<'b>(&'b mut self, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) {
-        self.lend(Groups::ALL, &mut Single(f));
+        self.lend(Threes::ALL, f);
     }
 
-    /// Lends the fields of some groups. Returns the list of contacts.
+    /// Lends the fields of a set, in the order of their numbers. Returns the list of contacts.
     #[inline(always)]
-    pub fn lend<'b>(&'b mut self, groups: Groups, to: &mut impl Borrower<'b, L>) -> &'b [ContactRow] {
+    pub fn lend<'b>(&'b mut self, set: Threes, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
         let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
         let Workspace { collision, constraint, solver, .. } = ws;
@@ -77,36 +77,38 @@ impl<L: Lane> Step<'_, L> {
         let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, .. } = constraint;
         let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
         let Dual { b, z, root, bias, .. } = dual;
-        let varied = |quantity: Quantity| Lanes::Read(model.varied.map_or(&[], |varied| varied.lanes(quantity)));
-        macro_rules! group {
-            ($group:ident, $($name:literal: $lanes:expr),* $(,)?) => {
-                if groups.has(Group::$group) {
-                    to.take(Group::$group, [$($name),*], [$(Lanes::Write($lanes)),*]);
-                }
-            };
+        let mut lender = Lender { set, group: Group::State, place: 0, wanted: false, f };
+        macro_rules! stages {
             ($($group:ident: $stage:expr;)*) => {
-                $(if groups.has(Group::$group) {
-                    let fields = $stage.all();
-                    let names = std::array::from_fn(|i| fields[i].name);
-                    to.take(Group::$group, names, fields.map(|field| Lanes::Write(field.data)));
+                $(if lender.group(Group::$group) {
+                    $stage.for_each(&mut |field| lender.put(field.name, Lanes::Write(field.data)));
                 })*
             };
         }
-        group!(State: state;);
-        if groups.has(Group::Applied) {
+        macro_rules! group {
+            ($group:ident, $($name:literal: $lanes:expr),* $(,)?) => {
+                if lender.group(Group::$group) {
+                    $(lender.put($name, Lanes::Write($lanes));)*
+                }
+            };
+        }
+        stages!(State: state;);
+        if lender.group(Group::Applied) {
             let [qfrc, xfrc]: [&'b [L]; 2] = match applied {
                 Some(applied) => [&applied.qfrc_applied, applied.xfrc_applied.as_flattened()],
                 None => [&[]; 2],
             };
-            to.take(Group::Applied, ["qfrc_applied", "xfrc_applied"], [Lanes::Read(qfrc), Lanes::Read(xfrc)]);
+            lender.put("qfrc_applied", Lanes::Read(qfrc));
+            lender.put("xfrc_applied", Lanes::Read(xfrc));
         }
-        if groups.has(Group::Varied) {
-            to.take(Group::Varied, Quantity::VARYING.map(Quantity::name), Quantity::VARYING.map(varied));
+        let varied = |quantity: Quantity| Lanes::Read(model.varied.map_or(&[], |varied| varied.lanes(quantity)));
+        if lender.group(Group::Varied) {
+            Quantity::VARYING.into_iter().for_each(|quantity| lender.put(quantity.name(), varied(quantity)));
         }
-        if groups.has(Group::Shared) {
-            to.take(Group::Shared, Quantity::SHARED.map(Quantity::name), Quantity::SHARED.map(varied));
+        if lender.group(Group::Shared) {
+            Quantity::SHARED.into_iter().for_each(|quantity| lender.put(quantity.name(), varied(quantity)));
         }
-        group!(Position: position; Inertia: inertia; Velocity: velocity; Passive: passive; Actuation: actuation;
+        stages!(Position: position; Inertia: inertia; Velocity: velocity; Passive: passive; Actuation: actuation;
             Acceleration: acceleration; Energy: energy; Integration: integration; Colliders: colliders;);
         group!(Found, "found": found.as_flattened_mut(), "parallel": parallel);
         group!(Constraint,
@@ -116,7 +118,7 @@ impl<L: Lane> Step<'_, L> {
             "motion": motion.as_flattened_mut(),
             "jacobian": jacobian,
         );
-        group!(Solver: fields;);
+        stages!(Solver: fields;);
         group!(Rows,
             "line": &mut line.0,
             "y.dof": &mut y.dof,
@@ -135,6 +137,40 @@ impl<L: Lane> Step<'_, L> {
             "edge_force": edge_force,
         );
         contact_rows
+    }
+}
+
+/// Goes through the fields in order, and hands on those of a set.
+struct Lender<'f, F> {
+    set: Threes,
+    group: Group,
+    /// Of the next field in the group.
+    place: usize,
+    /// Whether its three is in the set.
+    wanted: bool,
+    f: &'f mut F,
+}
+
+impl<F> Lender<'_, F> {
+    /// Begins a group; whether any of it is wanted.
+    #[inline(always)]
+    fn group(&mut self, group: Group) -> bool {
+        (self.group, self.place) = (group, 0);
+        self.set.any(group)
+    }
+
+    #[inline(always)]
+    fn put<'b, L: 'b>(&mut self, name: &'static str, lanes: Lanes<'b, L>)
+    where
+        F: FnMut(usize, Name, Lanes<'b, L>),
+    {
+        if self.place % 3 == 0 {
+            self.wanted = self.set.has(self.group, self.place / 3);
+        }
+        if self.wanted {
+            (self.f)(const { FIRSTS }[self.group as usize][0] + self.place, [self.group.stage(), name], lanes);
+        }
+        self.place += 1;
     }
 }
 
@@ -202,12 +238,7 @@ groups! {
 impl Group {
     /// Number of its first field.
     pub const fn first(self) -> usize {
-        let (mut first, mut group) = (0, 0);
-        while group < self as usize {
-            first += Group::COUNTS[group];
-            group += 1;
-        }
-        first
+        FIRSTS[self as usize][0]
     }
 
     /// The group of a field.
@@ -221,54 +252,55 @@ impl Group {
     }
 }
 
-/// A set of groups.
+/// A set of fields, three by three of each group.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Groups(u32);
+pub struct Threes(u64);
 
-impl Groups {
+impl Threes {
     /// All.
-    pub const ALL: Groups = Groups(u32::MAX);
-
-    /// Those of a list.
-    pub const fn of(list: &[Group]) -> Groups {
-        Groups::NONE.and(list)
-    }
-
+    pub const ALL: Threes = Threes(u64::MAX);
     /// None.
-    pub const NONE: Groups = Groups(0);
+    pub const NONE: Threes = Threes(0);
 
-    /// With more.
+    /// With a field.
     #[must_use]
-    pub const fn and(self, list: &[Group]) -> Groups {
-        let (mut set, mut i) = (self.0, 0);
-        while i < list.len() {
-            set |= 1 << list[i] as u32;
-            i += 1;
-        }
-        Groups(set)
+    pub fn with(self, field: usize) -> Threes {
+        let group = Group::of(field);
+        Threes(self.0 | 1 << (FIRSTS[group as usize][1] + (field - group.first()) / 3))
     }
 
-    /// Whether a group is among them.
+    /// Those of either.
+    #[must_use]
+    pub fn or(self, other: Threes) -> Threes {
+        Threes(self.0 | other.0)
+    }
+
+    /// Whether all of another set are among them.
+    pub fn includes(self, other: Threes) -> bool {
+        other.0 & !self.0 == 0
+    }
+
+    /// Whether a group's three is among them.
     #[inline(always)]
-    pub const fn has(self, group: Group) -> bool {
-        self.0 >> group as u32 & 1 != 0
+    const fn has(self, group: Group, three: usize) -> bool {
+        self.0 >> (const { FIRSTS }[group as usize][1] + three) & 1 != 0
+    }
+
+    /// Whether any of a group is among them.
+    #[inline(always)]
+    const fn any(self, group: Group) -> bool {
+        let of_group = (1 << Group::COUNTS[group as usize].div_ceil(3)) - 1;
+        self.0 >> const { FIRSTS }[group as usize][1] & of_group != 0
     }
 }
 
-/// Takes the fields that a step lends, a group at a time, each with its name.
-pub trait Borrower<'b, L> {
-    /// Takes those of a group, whose numbers are consecutive.
-    fn take<const N: usize>(&mut self, group: Group, names: [&'static str; N], fields: [Lanes<'b, L>; N]);
-}
-
-/// Takes fields one by one.
-struct Single<'f, F>(&'f mut F);
-
-impl<'b, L: 'b, F: FnMut(usize, Name, Lanes<'b, L>)> Borrower<'b, L> for Single<'_, F> {
-    fn take<const N: usize>(&mut self, group: Group, names: [&'static str; N], fields: [Lanes<'b, L>; N]) {
-        assert_eq!(N, Group::COUNTS[group as usize], "{group:?}");
-        for (i, (name, field)) in names.into_iter().zip(fields).enumerate() {
-            self.0(group.first() + i, [group.stage(), name], field);
-        }
+/// By group, the numbers of its first field and of its first three.
+const FIRSTS: [[usize; 2]; Group::ALL.len()] = {
+    let (mut all, mut i) = ([[0; 2]; Group::ALL.len()], 1);
+    while i < all.len() {
+        let count = Group::COUNTS[i - 1];
+        all[i] = [all[i - 1][0] + count, all[i - 1][1] + count.div_ceil(3)];
+        i += 1;
     }
-}
+    all
+};
