@@ -20,6 +20,7 @@ mod order;
 mod pairs;
 mod pose;
 mod report;
+mod response;
 mod rows;
 #[cfg(test)]
 mod tests;
