@@ -69,16 +69,22 @@ fn report_bad(element: &Element, name: &str, result: Result<(), String>, report:
 }
 
 /// Applies overrides, NAME=VALUE each; a name is one of `option` or, with the value enable or disable, of `flag`.
+/// Scripts add options to options, so one that comes again with the same value is no contradiction.
 pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(), Diagnostics> {
     let mut problems = Diagnostics::default();
     for (i, (name, value)) in overrides.iter().enumerate() {
         // Gravity is an option and a flag.
         let switch = |value: &str| SWITCH.iter().any(|(word, _)| *word == value);
-        let same = |(earlier, old): &&(String, String)| earlier == name && switch(old) == switch(value);
-        let refusal = match overrides[..i].iter().any(|override_| same(&override_)) {
-            true => Some(("is given twice", "give it once")),
-            false if value.trim().is_empty() => Some(("has no value", "give one, or leave the option out")),
-            false => None,
+        let other = |(earlier, old): &&(String, String)| {
+            earlier == name && switch(old) == switch(value) && old.trim() != value.trim()
+        };
+        let refusal = match overrides[..i].iter().find(other) {
+            Some((_, old)) => {
+                let values = format!("both as {} and as {}", quoted(old), quoted(value));
+                Some((format!("is given {values}"), "give it once"))
+            }
+            None if value.trim().is_empty() => Some(("has no value".into(), "give one, or leave the option out")),
+            None => None,
         };
         if let Some((what, remedy)) = refusal {
             problems.push(&Source::default(), "", format!("option {} {what}", quoted(name)), remedy);

@@ -133,7 +133,8 @@ fn overrides() {
         parse("<mujoco/>", &LoadOptions { lenient: false, overrides })
     };
     let bad = both([("timestep", "1"), ("timestep", "2")]).expect_err("which?").to_string();
-    assert_eq!(bad, "option \"timestep\" is given twice (give it once)");
+    assert_eq!(bad, "option \"timestep\" is given both as \"1\" and as \"2\" (give it once)");
+    assert_eq!(both([("timestep", "1"), ("timestep", "1 ")]).expect("no contradiction").option.timestep, 1.0);
     both([("gravity", "0 0 1"), ("gravity", "disable")]).expect("an option and a flag");
     let bad = with("contact", "no").expect_err("bad").to_string();
     assert_eq!(bad, "option \"contact\": \"no\" is not one of enable, disable");
