@@ -100,7 +100,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
         sizes: sizes(&scene, &links, &actuators, &pairs, nm),
-        options: spec.option.clone(),
+        options: spec.option.clone().limited(),
         features: features(&spec.option, &links, &joints, &dofs, &actuators),
         joints,
         dofs,

@@ -98,6 +98,7 @@ fn read(
     option::read(&tree, &mut spec, &mut report);
     let overridden = option::apply(&options.overrides, &mut spec);
     option::reset_unbuilt(&mut spec, &mut report);
+    option::note_iterations(&spec, &mut report);
     custom::check(&tree, &mut report);
     unbuilt::sections(&tree, &mut report);
 

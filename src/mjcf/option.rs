@@ -7,7 +7,7 @@ use crate::diagnostics::Diagnostics;
 use crate::spec::{Options, Source, Spec};
 use crate::suggest::did_you_mean;
 use crate::unbuilt::unbuilt;
-use lanesim_kernels::options::{Cone, Flags, Integrator, Solver};
+use lanesim_kernels::options::{Cone, Flags, Integrator, MOST_ITERATIONS, Solver};
 
 /// The attributes of `option`.
 pub(super) const NAMES: &str = "actuatorgroupdisable ccd_iterations ccd_tolerance cone density gravity impratio \
@@ -43,6 +43,23 @@ pub(super) fn read(tree: &Tree, spec: &mut Spec, report: &mut Report) {
                 report_bad(flag, name, set_flag(&mut spec.option.flags, name, value), report);
                 spec.written.insert(format!("flag {name}"), flag.source.clone());
             }
+        }
+    }
+}
+
+/// Notes limits of iterations beyond which a step would not end.
+pub(super) fn note_iterations(spec: &Spec, report: &mut Report) {
+    let o = &spec.option;
+    for (name, limit) in [
+        ("iterations", o.iterations),
+        ("ls_iterations", o.ls_iterations),
+        ("noslip_iterations", o.noslip_iterations),
+        ("ccd_iterations", o.ccd_iterations),
+    ] {
+        if limit > MOST_ITERATIONS {
+            let what =
+                format!("{name} {limit} count as {MOST_ITERATIONS}: what has not converged by then lost its digits");
+            report.note_at(&spec.place("option", name), "option", &what);
         }
     }
 }
