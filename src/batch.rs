@@ -550,7 +550,9 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
                 crew.guard(block, worker, |block, worker| crew.read_block(outputs, &plan, rows, block, worker));
             }
         });
-        self.crew.paces.read(&plan).note(spent);
+        if !cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+            self.crew.paces.read(&plan).note(spent);
+        }
     }
 
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories {

@@ -55,7 +55,7 @@ pub mod diagnostics;
 pub mod error;
 pub mod eval;
 mod group;
-mod memory;
+pub mod memory;
 pub mod mjcf;
 pub mod model;
 mod native;

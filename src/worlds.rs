@@ -301,7 +301,7 @@ impl Worlds {
         self.engine.nworld()
     }
 
-    /// Number of worker threads.
+    /// Number of threads that step, of which the caller's is one.
     pub fn threads(&self) -> usize {
         self.engine.threads()
     }
@@ -534,6 +534,7 @@ impl Worlds {
             (Precision::F32, false) => Batch::<f32x16>::memory_of(model),
         }
     }
+
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.
     pub fn state_hash(&self) -> u64 {
         self.engine.state_hash()

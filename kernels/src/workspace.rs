@@ -4,7 +4,7 @@ use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::collision::Collision;
 use crate::constraint::Constraint;
-use crate::double::Double;
+use crate::double::{self, Double};
 use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::Integration;
@@ -84,6 +84,7 @@ impl<L: LaneQuery> Workspace<L> {
             Integration::<L>::bytes(&of(Stage::Integration)),
             Energy::<L>::bytes(sizes),
         ];
-        stages.into_iter().fold(0, usize::saturating_add)
+        let own = stages.into_iter().fold(0, usize::saturating_add);
+        own.saturating_add(double::bytes::<L>(model, own))
     }
 }

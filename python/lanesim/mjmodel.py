@@ -22,15 +22,17 @@ JOINTS = ("free", "ball", "slide", "hinge")
 GEOMS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 SIZES = (3, 0, 1, 2, 3, 2, 3, 0, 0)
 """How many sizes a geom of each type has."""
+GEOM = "pos quat contype conaffinity condim priority friction solmix solref solimp margin gap group"
+"""What a geom's attributes and arrays have in common."""
 EQUALITIES = ("connect", "weld", "joint", "tendon", "flex")
 GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
 BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
 TRANSMISSIONS = ("joint", "jointinparent", "slidercrank", "tendon", "site", "body")
-STALE = 1e-6
-"""The same for constants that MuJoCo derives a second time."""
 TOLERANCE = 1e-9
 """Largest difference between arrays that rounding may make, relative to the largest entry."""
+STALE = 1e-6
+"""The same for constants that MuJoCo derives a second time."""
 
 
 def spec_of(m: Any) -> Spec:
@@ -182,19 +184,7 @@ class _Writer:
             type=GEOMS[kind],
             size=_sizes(m.geom_size[g], SIZES[kind]),
             mesh=m.mesh(m.geom_dataid[g]).name if kind == 7 else None,
-            pos=m.geom_pos[g],
-            quat=m.geom_quat[g],
-            contype=m.geom_contype[g],
-            conaffinity=m.geom_conaffinity[g],
-            condim=m.geom_condim[g],
-            priority=m.geom_priority[g],
-            friction=m.geom_friction[g],
-            solmix=m.geom_solmix[g],
-            solref=m.geom_solref[g],
-            solimp=m.geom_solimp[g],
-            margin=m.geom_margin[g],
-            gap=m.geom_gap[g],
-            group=m.geom_group[g],
+            **_copied(m, "geom", g, GEOM),
             fluidshape="ellipsoid" if fluid else None,
             surfacevel=moving if moving.any() else None,
             adhesion=sticky if sticky.any() else None,
@@ -206,10 +196,7 @@ class _Writer:
             "site",
             name=self.name("site", s),
             type=GEOMS[kind],
-            size=m.site_size[s],
-            pos=m.site_pos[s],
-            quat=m.site_quat[s],
-            group=m.site_group[s],
+            **_copied(m, "site", s, "size pos quat group"),
         )
 
     def _contacts(self) -> None:
@@ -333,6 +320,11 @@ def _sizes(sizes: NDArray[np.float64], count: int) -> NDArray[np.float64] | None
     return sizes[: max(count, last)] if count else None
 
 
+def _copied(m: Any, kind: str, i: int, names: str) -> dict[str, Any]:
+    """Attributes of element i that are arrays of that name."""
+    return {name: getattr(m, f"{kind}_{name}")[i] for name in names.split()}
+
+
 def _any(m: Any, name: str, i: int) -> bool:
     return bool(np.any(getattr(m, name)[i]) or np.any(getattr(m, name + "poly")[i]))
 
@@ -358,8 +350,6 @@ def differences(m: Any, model: Any) -> Iterator[str]:
         if theirs is None or name.startswith("o_"):
             continue
         ours, theirs = np.asarray(getattr(model, name)), np.asarray(theirs)
-        if name == "gravity" and not model.opt.flags["gravity"]:
-            continue
         if ours.size != theirs.size:
             yield f"{name} would have shape {list(ours.shape)} instead of {list(theirs.shape)}"
             continue

@@ -138,7 +138,7 @@ class Worlds:
 
     @property
     def threads(self) -> int:
-        """Number of worker threads."""
+        """Number of threads that step, of which the caller's is one."""
         return self._w.engine()[0]
 
     @property

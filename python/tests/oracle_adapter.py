@@ -1,4 +1,4 @@
-"""lanesim as a candidate for the oracle: ``oracle.py check --adapter python/tests/oracle_adapter.py``.
+"""States through the Python package, one model and one world at a time, for comparing with recorded results.
 
 Environment: LANESIM_PRECISION, f64 (default) or f32; LANESIM_LENIENT=1 leaves out what is not supported.
 """

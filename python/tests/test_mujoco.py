@@ -25,7 +25,7 @@ def same(exact: mujoco.MjModel, model: lanesim.Model) -> None:
     """The arrays that both have, and a step."""
     for name in model.array_names:
         theirs = getattr(exact, name, getattr(exact.opt, name, None))
-        if theirs is not None and not name.startswith("o_") and (name != "gravity" or model.opt.flags["gravity"]):
+        if theirs is not None and not name.startswith("o_"):
             ours = getattr(model, name)
             np.testing.assert_allclose(ours, np.reshape(theirs, ours.shape), rtol=1e-9, atol=1e-15, err_msg=name)
     if model.opt.integrator != lanesim.Integrator.Euler:

@@ -43,7 +43,7 @@ impl Info {
     /// Prints sizes, memory, options and what was left out.
     pub fn run(self) -> Result<(), Failure> {
         let outputs = engine::outputs(&self.outputs)?;
-        let Loaded { model, seconds } = engine::load(&self.model)?;
+        let Loaded { model, seconds, .. } = engine::load(&self.model)?;
         let memory = Worlds::memory_of(&model, &self.run.options(None));
         if let Some(part) = &self.disassembly {
             return disassembly(&self.code(&model)?, part);

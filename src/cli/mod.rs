@@ -90,7 +90,8 @@ impl KeyArgs {
 /// What is read of archives.
 #[derive(Args)]
 struct InputArgs {
-    /// Most memory that the arrays of an input file may take, such as 500M or 8G, 8 bytes per number [default: 256 MiB or 100 times the file's size, whichever is more]
+    /// Most memory that the arrays of an input file may take, such as 500M or 8G, 8 bytes per number [default: 256 MiB or
+    /// 100 times the file's size, whichever is more]
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     input_limit: Option<usize>,
 }

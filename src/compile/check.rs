@@ -438,6 +438,10 @@ fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element
             } else if joint.range.is_none_or(|[lo, hi]| lo == hi) {
                 let message = format!("inheritrange, but joint {} has no range", quoted(&joint.name));
                 element.refuse(message, "give the joint a range");
+            } else if joint.range.is_some_and(|range| range.iter().any(|end| end.is_infinite())) {
+                let message =
+                    format!("inheritrange, but the range of joint {} has an infinite end", quoted(&joint.name));
+                element.refuse(message, "give ctrlrange");
             }
         }
     } else {

@@ -10,8 +10,8 @@ use crate::spec::{Source, Spec};
 
 /// Most elements that are named.
 const MOST: usize = 20;
-/// Farthest that a geom may be from its tree's first joint, or stand from the world's origin, and largest that it may be, m: bounding
-/// tests square distances in single precision.
+/// Farthest that a geom may be from its tree's first joint, or stand from the world's origin, and largest that it may be, m:
+/// bounding tests square distances in single precision.
 const FARTHEST: f64 = 1e15;
 
 /// Refuses every element of which a table holds a number that is not finite.

@@ -1,6 +1,6 @@
 //! The body tree: bodies, frames, and what they hold.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 use super::defaults::{Classes, MAIN};
 use super::geom::RawGeom;
@@ -79,7 +79,7 @@ pub(super) struct Builder<'a> {
     /// Geoms that are left out though nothing says lenient, by why: how many, and the first.
     pub decorations: BTreeMap<&'static str, (usize, String)>,
     /// Names of geoms that were left out.
-    pub lost_geoms: HashSet<String>,
+    pub lost_geoms: Vec<String>,
     /// Whether something was left out that has coordinates of its own.
     pub lost_coordinates: bool,
     pub cameras: usize,
@@ -270,13 +270,13 @@ impl Builder<'_> {
         let name = element.get("name").unwrap_or_default().to_string();
         if let Some(what) = raw.missing() {
             self.leave_out(element, &raw, what, scope);
-            self.lost_geoms.insert(name);
+            self.lost_geoms.push(name);
         } else if let Some(mut geom) = raw.finish(element, self.angles, self.report) {
             geom.name = name;
             place(scope.frame, &mut geom.pos, &mut geom.quat);
             self.bodies[scope.body].geoms.push(geom);
         } else {
-            self.lost_geoms.insert(name);
+            self.lost_geoms.push(name);
         }
     }
 

@@ -82,6 +82,12 @@ pub fn override_options(spec: &mut Spec, overrides: &[(String, String)]) -> Resu
     option::apply(overrides, spec)
 }
 
+/// Overrides that say the same as `earlier` ones followed by `later` ones, each option once: of one given anew, what was
+/// said earlier is gone.
+pub fn replace_overrides(earlier: &[(String, String)], later: &[(String, String)]) -> Vec<(String, String)> {
+    option::replaced(earlier, later)
+}
+
 fn read(
     text: &str,
     file: Option<&Arc<str>>,
@@ -117,7 +123,7 @@ fn read(
         actuators: References::new(actuators),
         compiler: &spec.compiler,
         decorations: BTreeMap::new(),
-        lost_geoms: HashSet::new(),
+        lost_geoms: Vec::new(),
         lost_coordinates,
         cameras: 0,
         lights: 0,
@@ -160,7 +166,7 @@ impl Built {
             pairs: builder.pairs.into_items().collect(),
             excludes: builder.excludes.into_items().collect(),
             actuators: builder.actuators.into_items().collect(),
-            lost_geoms: builder.lost_geoms,
+            lost_geoms: builder.lost_geoms.into_iter().collect(),
             lost_coordinates: builder.lost_coordinates,
             notes,
         }

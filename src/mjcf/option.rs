@@ -85,16 +85,31 @@ fn report_bad(element: &Element, name: &str, result: Result<(), String>, report:
     }
 }
 
+/// A name and its value.
+type Override = (String, String);
+
+fn is_switch(value: &str) -> bool {
+    SWITCH.iter().any(|(word, _)| *word == value)
+}
+
+/// Whether two overrides are of the same option: gravity is an option and a flag.
+fn same(a: &Override, b: &Override) -> bool {
+    a.0 == b.0 && is_switch(&a.1) == is_switch(&b.1)
+}
+
+/// Earlier overrides, but for those that later ones replace, and then these.
+pub(super) fn replaced(earlier: &[Override], later: &[Override]) -> Vec<Override> {
+    let kept = earlier.iter().filter(|old| !later.iter().any(|new| same(old, new)));
+    kept.chain(later).cloned().collect()
+}
+
 /// Applies overrides, NAME=VALUE each; a name is one of `option` or, with the value enable or disable, of `flag`.
 /// Scripts add options to options, so one that comes again with the same value is no contradiction.
-pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(), Diagnostics> {
+pub(super) fn apply(overrides: &[Override], spec: &mut Spec) -> Result<(), Diagnostics> {
     let mut problems = Diagnostics::default();
-    for (i, (name, value)) in overrides.iter().enumerate() {
-        // Gravity is an option and a flag.
-        let switch = |value: &str| SWITCH.iter().any(|(word, _)| *word == value);
-        let other = |(earlier, old): &&(String, String)| {
-            earlier == name && switch(old) == switch(value) && old.trim() != value.trim()
-        };
+    for (i, given) in overrides.iter().enumerate() {
+        let (name, value) = given;
+        let other = |earlier: &&Override| same(earlier, given) && earlier.1.trim() != value.trim();
         let refusal = match overrides[..i].iter().find(other) {
             Some((_, old)) => {
                 let values = format!("both as {} and as {}", quoted(old), quoted(value));
@@ -109,7 +124,6 @@ pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(
         }
         let options = &mut spec.option;
         let is = |list: &str| list.split_ascii_whitespace().any(|known| known == name);
-        let switched = SWITCH.iter().any(|(word, _)| word == value);
         let result = match (is(NAMES), is(FLAGS)) {
             (false, false) => {
                 let all = NAMES.split_ascii_whitespace().chain(FLAGS.split_ascii_whitespace());
@@ -120,7 +134,7 @@ pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(
                 problems.push(&Source::default(), "", format!("unknown option {}", quoted(name)), remedy);
                 continue;
             }
-            (true, true) if switched => set_flag(&mut options.flags, name, value),
+            (true, true) if is_switch(value) => set_flag(&mut options.flags, name, value),
             (true, _) => set(options, name, value),
             (false, true) => set_flag(&mut options.flags, name, value),
         };

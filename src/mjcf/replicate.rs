@@ -18,6 +18,7 @@ pub(super) struct Replica {
     bodies: usize,
     geoms: usize,
     sites: usize,
+    lost_geoms: usize,
 }
 
 impl Replica {
@@ -31,6 +32,7 @@ impl Replica {
             bodies: builder.bodies.len(),
             geoms: holder.geoms.len(),
             sites: holder.sites.len(),
+            lost_geoms: builder.lost_geoms.len(),
         }
     }
 
@@ -71,7 +73,7 @@ impl Replica {
         let width = count.to_string().len();
         let longer = separator.len() + width;
         let size = weight(&content, longer) + bodies.iter().map(|body| weight(body, longer)).sum::<usize>();
-        let size = size + pairs.len() + excludes.len() + actuators.len();
+        let size = size + pairs.len() + excludes.len() + actuators.len() + builder.lost_geoms[self.lost_geoms..].len();
         if !builder.reserve(element, size.saturating_mul(count)) {
             return;
         }
@@ -80,6 +82,11 @@ impl Replica {
         builder.pairs.replicate(&pairs, &names.geoms, &suffixes);
         builder.excludes.replicate(&excludes, &names.bodies, &suffixes);
         builder.actuators.replicate(&actuators, &names.joints, &suffixes);
+        // Pairs may name copies of what is left out.
+        let lost = builder.lost_geoms[self.lost_geoms..].iter().filter(|name| !name.is_empty()).cloned();
+        let lost: Vec<String> = lost.collect();
+        let copies = suffixes.iter().flat_map(|suffix| lost.iter().map(move |name| format!("{name}{suffix}")));
+        builder.lost_geoms.extend(copies);
         let mut pos = [0.0; 3];
         for (k, suffix) in suffixes.iter().enumerate() {
             // A copy is turned by a multiple of the angles, which about several axes is no power of one rotation.

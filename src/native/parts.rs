@@ -179,9 +179,9 @@ pub fn operations_of_euler<T>(model: &Model<T>) -> usize {
     100 * sizes.njnt + 20 * sizes.nv + damping
 }
 
-/// Fields: qpos, qvel, warm start, time, all of which change; M, spatial inertias of links, dof axes, smooth acceleration, qacc, smooth force, force of
-/// constraints; a zero; next qpos, next qvel, acceleration over the step; what varies. Masks: worlds that are alive; worlds
-/// that take the next state.
+/// Fields: qpos, qvel, warm start, time, all of which change; M, spatial inertias of links, dof axes, smooth acceleration,
+/// qacc, smooth force, force of constraints; a zero; next qpos, next qvel, acceleration over the step; what varies. Masks:
+/// worlds that are alive; worlds that take the next state.
 pub fn euler<T: Float>(model: &Model<T>, varying: Quantities) -> Program<T> {
     let mut binder = Binder::new();
     let mut state = State::<Recorder<T>>::new(&model.sizes);

@@ -77,5 +77,6 @@ fn no_part_is_recorded_at_any_size() {
     let Ok(code) = ModelCode::new(model.tables(), isa) else { return };
     let start = std::time::Instant::now();
     assert!(code.parts().iter().all(|(_, code)| code.is_none()));
-    assert!(start.elapsed().as_secs_f64() < 1.0);
+    // To record it all takes minutes; a machine with other work to do may take long for little, too.
+    assert!(start.elapsed().as_secs() < 30);
 }

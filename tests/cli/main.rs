@@ -143,7 +143,10 @@ fn wrong_arrays_are_named() {
     let nan = folder.write("nan.npz", "ctrl", &[4, 100, 8], values);
     with(["--controls"], &nan, "array `ctrl` holds NaN at [1, 1, 3]");
     let name = folder.write("name.npz", "control", &[4, 100, 8], vec![0.0; 3200]);
-    with(["--controls"], &name, "has no array `ctrl`");
+    with(["--controls"], &name, "array `control` is not known here; valid: ctrl");
+    let empty = folder.path("empty.npz");
+    npz::write(Path::new(&empty), &[]).unwrap();
+    with(["--controls"], &empty, "has no array `ctrl`");
     let more = folder.path("more.npz");
     let zeros = |shape: &[usize]| Array::new(shape.to_vec(), Data::F64(vec![0.0; shape.iter().product()])).unwrap();
     npz::write(Path::new(&more), &[("qpso".into(), zeros(&[4, 15])), ("qvel".into(), zeros(&[4, 14]))]).unwrap();

@@ -44,6 +44,11 @@ pub struct Anderson<L> {
     sweeps: usize,
 }
 
+/// Room for a point, and for a list of them. More than a million numbers are asked for when they are needed.
+fn room_of(len: usize) -> [usize; 2] {
+    [len, MEMORY * len].map(|n| n.min(1 << 20))
+}
+
 impl<L: Lane> Anderson<L> {
     /// Knows nothing, and has no room.
     pub fn new() -> Self {
@@ -65,8 +70,8 @@ impl<L: Lane> Anderson<L> {
 
     /// The same with room for points of that length.
     pub fn with_capacity(len: usize) -> Self {
-        let room = |n: usize| Vec::with_capacity(n.min(1 << 20));
-        let [point, list] = [len, MEMORY * len];
+        let room = Vec::with_capacity;
+        let [point, list] = room_of(len);
         Anderson {
             weight: room(point),
             bias: room(point),
@@ -78,6 +83,12 @@ impl<L: Lane> Anderson<L> {
             step: room(point),
             ..Anderson::new()
         }
+    }
+
+    /// Bytes of that.
+    pub fn bytes(len: usize) -> usize {
+        let [point, list] = room_of(len);
+        (8 * point + 2 * list) * size_of::<L>()
     }
 
     /// A solve begins, from rows that are whitened.

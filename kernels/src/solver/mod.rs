@@ -191,10 +191,9 @@ impl<L: Lane> SolverWork<L> {
             line: Line::new(),
             edge_force: Vec::with_capacity(2 * component),
             dual: dual::Dual::new(model, dof, component),
-            past: if model.options.solver == options::Solver::Pgs {
-                anderson::Anderson::with_capacity(dof + 2 * component + model.sizes.nv)
-            } else {
-                anderson::Anderson::new()
+            past: match point(model) {
+                0 => anderson::Anderson::new(),
+                len => anderson::Anderson::with_capacity(len),
             },
             fill: Fill::new(model),
             touched: vec![false; model.sizes.nlink],
@@ -205,11 +204,17 @@ impl<L: Lane> SolverWork<L> {
     /// Bytes of that.
     pub fn bytes(model: &Model<L::Real>) -> usize {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
-        let edges = if dual::needed(model) { 2 * component } else { 0 };
-        let rows = (4 * (dof + component) + edges) * size_of::<L>() + model.sizes.nlink;
+        let rows = (4 * (dof + component) + 2 * component) * size_of::<L>() + model.sizes.nlink;
+        let past = anderson::Anderson::<L>::bytes(point(model));
         let fields = Solver::<L>::bytes(&Stage::Solver.sizes(model));
-        fields.saturating_add(rows + dual::Dual::<L>::bytes(model, dof, component) + Fill::bytes(model))
+        fields.saturating_add(rows + past + dual::Dual::<L>::bytes(model, dof, component) + Fill::bytes(model))
     }
+}
+
+/// Length of the points that acceleration of sweeps remembers: forces and accelerations; 0 for solvers without.
+fn point<T: crate::lane::Real>(model: &Model<T>) -> usize {
+    let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+    if model.options.solver == options::Solver::Pgs { dof + 2 * component + model.sizes.nv } else { 0 }
 }
 
 /// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. `warmstart` is what constraints added to the smooth

@@ -166,6 +166,29 @@ fn a_mesh_left_out_says_what_it_takes_with_it() {
     );
 }
 
+/// A pair may name a copy of a geom that is left out, at any depth.
+#[test]
+fn a_pair_with_a_copy_of_a_lost_geom_is_lost() {
+    let text = |name: &str, idle: &str| {
+        format!(
+            "<mujoco><asset><mesh name='m' file='m.stl'/></asset><worldbody><geom name='h' size='.1'/><body><joint/>\
+             <geom size='.1'/><replicate count='2'><replicate count='2' sep='_'><geom name='g' type='mesh' mesh='m' {idle}/>\
+             <geom type='mesh' mesh='m'/></replicate></replicate></body></worldbody>\
+             <contact><pair geom1='h' geom2='{name}'/></contact></mujoco>"
+        )
+    };
+    for name in ["g", "g_1", "g_10"] {
+        let spec = lenient(&text(name, ""));
+        let lost = format!("line 1: pair: geom \"{name}\" was left out, and so is this pair");
+        assert!(spec.pairs.is_empty() && spec.losses.contains(&lost), "{:?}", spec.losses);
+    }
+    assert_eq!(lenient(&text("0", "")).pairs.len(), 1, "what has no name has no copies either");
+    // Where only the pair makes the geom matter, the pair is refused.
+    let idle = "contype='0' conaffinity='0' mass='0'";
+    let only = text("g_10", idle).replace("<geom type='mesh' mesh='m'/>", "");
+    rejects(&only, "1: pair: geom \"g_10\" is not supported (a lenient load leaves the pair out)");
+}
+
 #[test]
 fn sentences_are_capped() {
     let spec = lenient(&world(&"<geom type='mesh' mesh='m'/>".repeat(1500)));
