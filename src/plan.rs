@@ -90,6 +90,16 @@ impl Plan {
             Stage::Constraint => vec![
                 part(name, tables.constrained(), "rows that act in some world of a block".into(), "nothing constrains"),
                 count(
+                    "  equality",
+                    tables.equalities.len(),
+                    "equality constraints, by kernels",
+                    unless(
+                        flags.equality && flags.constraint,
+                        "equality constraints are switched off",
+                        "no equality constraint",
+                    ),
+                ),
+                count(
                     "  limits",
                     tables.limits.len(),
                     "joints",

@@ -111,6 +111,7 @@ impl Double {
         widen(&state.act, &mut own.act);
         widen(&state.ctrl, &mut own.ctrl);
         widen(&state.qacc_warmstart, &mut own.qacc_warmstart);
+        widen(&state.eq_active, &mut own.eq_active);
         if let Some(applied) = given.applied {
             let own = self.applied.get_or_insert_with(|| Applied::new(sizes));
             widen(&applied.qfrc_applied, &mut own.qfrc_applied);
@@ -167,6 +168,7 @@ impl Double {
             let from = place.map_or(&zero[0], |place| &own.solver.force.dof[place]);
             narrow(std::slice::from_ref(from), std::slice::from_mut(force));
         }
+        narrow(&own.solver.force.equality, &mut to.solver.force.equality);
         let key = |slot: &crate::collision::Slot| (slot.pair, slot.point);
         let mut at = 0;
         for row in &to.constraint.contact_rows {

@@ -70,7 +70,10 @@ pub fn forward<L: LaneQuery>(
         }
     };
     let outside = (run.applied, run.varied);
-    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, outside, run.keep, ws) } else { None };
+    // Rows of equality constraints read accelerations of links, which no other part of a step does.
+    let linked = !model.equalities.is_empty();
+    let keep = run.keep || linked;
+    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, outside, keep, ws) } else { None };
     let findings = match coded {
         Some(findings) => {
             end(Stage::Acceleration);
@@ -95,14 +98,19 @@ pub fn forward<L: LaneQuery>(
         status.record(Status::CONTACT_OVERFLOW, L::bits(overflow & alive));
         end(Stage::Collision);
     }
-    if runs(Stage::Constraint) && ws.collision.slots.is_empty() && findings.joint_rows & status.alive == 0 {
+    let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
+    if runs(Stage::Constraint) && linked {
+        let (read, out) = ((&state.qpos[..], &state.eq_active[..]), &mut ws.constraint.equality);
+        constraint::equality_rows(instance, motion, read, alive, out);
+    }
+    let idle = ws.collision.slots.is_empty() && findings.joint_rows & status.alive == 0;
+    if runs(Stage::Constraint) && idle && ws.constraint.equality.is_empty() {
         ws.constraint.clear();
         end(Stage::Constraint);
     } else if runs(Stage::Constraint) {
         if !run.code.dof_rows(state, run.varied, &mut ws.constraint) {
             constraint::dof_rows(instance, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         }
-        let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
         constraint::contact_rows(instance, motion, &ws.collision, run.code, &mut ws.constraint);
         end(Stage::Constraint);
     }

@@ -51,7 +51,7 @@ pub struct Eval {
 }
 
 /// Arrays that MuJoCo's state has and ours does not have yet: passed over, since a lenient load leaves out what they are for.
-const PASSED_OVER: [&str; 3] = ["mocap_pos", "mocap_quat", "eq_active"];
+const PASSED_OVER: [&str; 2] = ["mocap_pos", "mocap_quat"];
 
 /// Shape of a field after the number of states.
 fn shape(field: Field, model: &Model) -> Vec<Dim> {
@@ -62,6 +62,7 @@ fn shape(field: Field, model: &Model) -> Vec<Dim> {
         Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => vec![dim("nv")],
         Field::Act => vec![dim("na")],
         Field::Ctrl => vec![dim("nu")],
+        Field::EqActive => vec![dim("neq")],
         Field::XfrcApplied => vec![dim("nbody"), Dim("", 6)],
     }
 }
@@ -90,6 +91,7 @@ fn start(field: Field, key: &Key) -> Option<Vec<f64>> {
         Field::Qvel => Some(key.qvel.clone()),
         Field::Act => Some(key.act.clone()),
         Field::Ctrl => Some(key.ctrl.clone()),
+        Field::EqActive => Some(key.eq_active.clone()),
         Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
     }
 }

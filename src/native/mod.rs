@@ -224,10 +224,11 @@ impl<T: Float> ModelCode<T> {
         self.contacts.get(part, kind, self.structure().live, self.isa)
     }
 
-    /// Whether pairs are both links, and whether some join branches.
+    /// Whether pairs are both links, or there are equality constraints, and whether some join branches.
     fn joins(&self) -> (bool, bool) {
-        let pairs = &self.tables.pairs;
-        (pairs.iter().any(|pair| pair.sides != Sides::One), pairs.iter().any(|pair| pair.cross))
+        let (pairs, equalities) = (&self.tables.pairs, &self.tables.equalities);
+        let both = pairs.iter().any(|pair| pair.sides != Sides::One) || !equalities.is_empty();
+        (both, pairs.iter().any(|pair| pair.cross) || equalities.iter().any(|equality| equality.cross))
     }
 
     /// Whether all parts of Newton's iteration have code, but for those of single pairs.
@@ -270,6 +271,9 @@ impl<T: Float> ModelCode<T> {
         let solver = self.tables.options.solver;
         if !self.tables.constrained() || solver == options::Solver::Pgs {
             return all;
+        }
+        if !self.tables.equalities.is_empty() {
+            all.push(("equality constraints".to_owned(), None));
         }
         let newton = solver == options::Solver::Newton;
         let (both, joins) = self.joins();

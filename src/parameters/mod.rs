@@ -48,7 +48,7 @@ const STALE: &str = " (inverse weights of limits and contacts and the mean inert
 const MINVAL: f64 = 1e-15;
 
 /// What follows from masses, inertias and armature.
-pub(crate) const WEIGHTS: [Quantity; 9] = [
+pub(crate) const WEIGHTS: [Quantity; 10] = [
     Quantity::Link,
     Quantity::Compensation,
     Quantity::Armature,
@@ -58,6 +58,7 @@ pub(crate) const WEIGHTS: [Quantity; 9] = [
     Quantity::BodyMass,
     Quantity::StillPotential,
     Quantity::Grip,
+    Quantity::EqualityWeight,
 ];
 
 /// Numbers of MuJoCo's arrays of gains and biases per actuator.

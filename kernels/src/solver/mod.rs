@@ -10,6 +10,7 @@ mod cone;
 pub mod contact;
 mod dual;
 pub mod edges;
+mod equality;
 mod fill;
 mod hessian;
 pub mod joints;
@@ -108,11 +109,14 @@ pub struct RowVector<L> {
     pub dof: Vec<L>,
     /// Per contact component; never shorter than it once was, as the lists of [`Constraint`].
     pub component: Vec<L>,
+    /// Per row of equality constraints, whether they are listed or not.
+    pub equality: Vec<L>,
 }
 
 impl<L: Lane> RowVector<L> {
-    fn with_capacity(dof: usize, component: usize) -> Self {
-        RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component) }
+    fn with_capacity([dof, component, equality]: [usize; 3]) -> Self {
+        let equality = vec![L::zero(); equality];
+        RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component), equality }
     }
 
     /// Sets the lengths to those of the constraint's lists, which those of contacts never exceed.
@@ -156,6 +160,8 @@ pub struct SolverWork<L> {
     pub spare: RowVector<L>,
     /// What is known along p.
     pub line: Line<L>,
+    /// Slope and curvature of the cost of equality constraints along p.
+    pub along: [L; 2],
     /// Force of each edge of the pyramidal contacts, contact by contact (of primal solvers if anyone wants to know).
     pub edge_force: Vec<L>,
     /// Inverse inertia in row space (dual solvers and the no-slip pass).
@@ -181,18 +187,20 @@ impl<L: Lane> SolverWork<L> {
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+        let rows = [dof, component, model.sizes.ne];
         let sizes = Stage::Solver.sizes(model);
         SolverWork {
             fields: Solver::new(&sizes),
-            y: RowVector::with_capacity(dof, component),
-            jp: RowVector::with_capacity(dof, component),
-            force: RowVector::with_capacity(dof, component),
-            spare: RowVector::with_capacity(dof, component),
+            y: RowVector::with_capacity(rows),
+            jp: RowVector::with_capacity(rows),
+            force: RowVector::with_capacity(rows),
+            spare: RowVector::with_capacity(rows),
             line: Line::new(),
+            along: [L::zero(); 2],
             edge_force: Vec::with_capacity(2 * component),
-            dual: dual::Dual::new(model, dof, component),
+            dual: dual::Dual::new(model, rows),
             past: if model.options.solver == options::Solver::Pgs {
-                anderson::Anderson::with_capacity(dof + 2 * component + model.sizes.nv)
+                anderson::Anderson::with_capacity(dof + 2 * component + model.sizes.ne + model.sizes.nv)
             } else {
                 anderson::Anderson::new()
             },
@@ -206,9 +214,10 @@ impl<L: Lane> SolverWork<L> {
     pub fn bytes(model: &Model<L::Real>) -> usize {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
         let edges = if dual::needed(model) { 2 * component } else { 0 };
-        let rows = (4 * (dof + component) + edges) * size_of::<L>() + model.sizes.nlink;
+        let all = dof + component + model.sizes.ne;
+        let rows = (4 * all + edges) * size_of::<L>() + model.sizes.nlink;
         let fields = Solver::<L>::bytes(&Stage::Solver.sizes(model));
-        fields.saturating_add(rows + dual::Dual::<L>::bytes(model, dof, component) + Fill::bytes(model))
+        fields.saturating_add(rows + dual::Dual::<L>::bytes(model, all) + Fill::bytes(model))
     }
 }
 
@@ -266,21 +275,21 @@ fn prepare<L: Lane>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &m
 
 /// Worlds in which some row acts.
 fn active_lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
-    L::mask_of(constraint.joint_lanes | constraint.contact_lanes)
+    L::mask_of(constraint.joint_lanes | constraint.contact_lanes | constraint.equality.lanes)
 }
 
-/// The pattern of the Hessian when all contacts act that join branches, wider than any that a step can need; `None` if
-/// there are no such contacts.
+/// The pattern of the Hessian when all contacts and equality constraints act that join branches, wider than any that a step can
+/// need; `None` if there are none.
 pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
     let joining: Vec<u32> = (0..model.pairs.len() as u32).filter(|p| model.pairs[*p as usize].cross).collect();
-    (!joining.is_empty()).then(|| {
+    fill::joins(model).then(|| {
         let mut fill = Fill::new(model);
         fill.find(model, joining.into_iter());
         fill.pattern
     })
 }
 
-/// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches or trees.
+/// The pattern of the Hessian: the inertia matrix's, or the filled one where rows join branches or trees.
 fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a Fill) -> &'a Pattern {
     if problem.constraint.cross { &fill.pattern } else { &problem.model.tree_pattern }
 }

@@ -206,8 +206,8 @@ fn tendons_constraints_and_skins_without_effect_are_notes() {
             "line 2: 1 tendons without a force of their own are left out, as tendons are not built",
         ),
         (
-            "<equality>\n<joint joint1='j' active='false'/><joint joint1='j' active='false'/></equality>",
-            "line 2: 2 equality constraints that are not active are left out",
+            "<equality>\n<flex flex='f' active='false'/><tendon tendon1='t' active='false'/></equality>",
+            "line 2: 2 equality constraints of kinds that are not built, not active, are left out",
         ),
         ("<deformable>\n<skin name='s'/></deformable>", "line 2: 1 skins are not drawn"),
     ] {
@@ -219,7 +219,7 @@ fn tendons_constraints_and_skins_without_effect_are_notes() {
         "<tendon><fixed range='0 1'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
         "<tendon><fixed stiffness='2'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
         format!("{class}<tendon><fixed><joint joint='j' coef='1'/></fixed></tendon>"),
-        "<equality><joint joint1='j'/></equality>".to_string(),
+        "<equality><tendon tendon1='t'/></equality>".to_string(),
         "<deformable><flex/></deformable>".to_string(),
     ] {
         parse(&with_joint(&section), &LoadOptions::default()).expect_err("changes the motion");
