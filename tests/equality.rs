@@ -124,6 +124,25 @@ fn redundant_loops_converge() {
     }
 }
 
+/// The report of a model names constraints that say what others do.
+#[test]
+fn redundant_rows_are_notes() {
+    let notes = |name: &str| {
+        let notes = load(name).report().notes.clone();
+        notes.into_iter().filter(|note| note.contains("rows say nothing new")).collect::<Vec<_>>()
+    };
+    let ring = notes("zoo/closed_chain");
+    assert_eq!(ring.len(), 2);
+    assert!(
+        ring[0].contains(":39: weld #1: 6 of its 6 rows say nothing new in the reference configuration"),
+        "{}",
+        ring[0]
+    );
+    assert!(ring[1].contains(":40: connect #2: 3 of its 3 rows"), "{}", ring[1]);
+    assert!(notes("zoo/four_bar")[0].contains(":23: connect #0: 1 of its 3 rows"));
+    assert!(notes("unit/equality_joint").is_empty());
+}
+
 /// Inverse weights of constraints follow masses that a world has of its own.
 #[test]
 fn constraints_follow_masses_that_vary() {
@@ -165,7 +184,7 @@ fn refusal(equalities: &str) -> String {
 #[test]
 fn bad_constraints_are_refused_with_place_and_remedy() {
     for (equality, message) in [
-        ("<connect body1='q' anchor='0 0 0'/>", "line 5: connect #0: body1 names an unknown body \"q\""),
+        ("<connect body1='q' anchor='0 0 0'/>", "5: connect #0: body1 names an unknown body \"q\""),
         ("<connect body1='a' body2='d' anchor='0 0 0'/>", "body2 names an unknown body \"d\""),
         ("<connect body1='a' body2='a' anchor='0 0 0'/>", "body \"a\" is held to itself (name two different bodies)"),
         ("<weld body1='world'/>", "body \"world\" is held to itself"),
@@ -188,7 +207,7 @@ fn bad_constraints_are_refused_with_place_and_remedy() {
         ("<joint joint1='x' solref='0.1 -1'/>", "solref mixes its two forms"),
         (
             "<joint joint1='x' joint2='y'/>\n<joint joint1='y' joint2='z'/>\n<joint joint1='z' joint2='x'/>",
-            "line 7: equality joint #2: joints follow from each other in a circle: \"z\", \"x\", \"y\", \"z\"",
+            "7: equality joint #2: joints follow from each other in a circle: \"z\", \"x\", \"y\", \"z\"",
         ),
         ("<joint name='n' joint1='x'/><weld name='n' body1='a'/>", "repeated name"),
         ("<joint joint1='x' torquescale='2'/>", "unknown attribute \"torquescale\""),
@@ -214,4 +233,36 @@ fn constraints_are_replicated_with_what_they_hold() {
         (model.names().equalities.id("j0").is_some(), model.names().equalities.id("j2").is_some()),
         (true, true)
     );
+}
+
+/// However stiff constraints are, single precision finds the accelerations: of a ring closed thrice it could not by itself.
+#[test]
+fn stiff_loops_are_evaluated_in_double_precision() {
+    let text = std::fs::read_to_string(support::repository("models/zoo/closed_chain.xml")).expect("the model");
+    // Light about the axes of its capsules.
+    let text = text.replace(" armature=\"0.005\"", "");
+    for impedance in ["0.9 0.95", "0.99 0.99", "0.999 0.999", "0.9999 0.9999"] {
+        let model = parse(&text.replace("<default>", &format!("<default><equality solimp=\"{impedance}\"/>")));
+        let qacc = |precision, backend| {
+            let mut worlds = Worlds::new(&model, 40, &options(precision, backend)).expect("worlds");
+            for world in 0..40 {
+                // Numbers that single precision has.
+                let qvel = support::Random(world as u64)
+                    .vector(13, 0.5)
+                    .iter()
+                    .map(|x| f64::from(*x as f32))
+                    .collect::<Vec<_>>();
+                worlds.set(Field::Qvel, world, &qvel).expect("a velocity");
+            }
+            let mut qacc = vec![0.0; 40 * 13];
+            worlds.read_all(&["qacc"], vec![Rows::F64(&mut qacc)]).expect("accelerations");
+            qacc
+        };
+        let exact = qacc(Precision::F64, Backend::Auto);
+        let single = qacc(Precision::F32, Backend::Auto);
+        assert!(single == qacc(Precision::F32, Backend::Wide), "{impedance}");
+        for (world, (got, expected)) in single.chunks(13).zip(exact.chunks(13)).enumerate() {
+            support::assert_agree(&format!("{impedance} world {world} "), got, expected, 1e-3, 1.0);
+        }
+    }
 }

@@ -138,6 +138,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let mut diagnostics = Diagnostics::default();
     finite::check(spec, &scene, &tables, &derived, &mut diagnostics);
     diagnostics.into_result()?;
+    notes.extend(equality::notes(spec, &tables));
     let arrays = arrays::arrays(&arrays::Sources {
         spec,
         scene: &scene,

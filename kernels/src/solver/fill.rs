@@ -12,6 +12,8 @@ pub struct Fill {
     pub pattern: Pattern,
     /// Whether it has been found.
     pub known: bool,
+    /// Whether contacts had a part in it; without, it stays from solve to solve.
+    pub touched: bool,
     /// Columns below the diagonal, for every row from the word of its first stored column to that of the diagonal.
     bits: Vec<u64>,
     /// Where the word of column 0 of each row would be in `bits`, and the words that there are.
@@ -38,6 +40,7 @@ impl Fill {
             pattern: Pattern::with_capacity(nv, runs, model.sizes.nm),
             bits: vec![0; bits],
             known: false,
+            touched: false,
         }
     }
 
@@ -58,8 +61,10 @@ impl Fill {
                 run.range().for_each(|j| self.set(i, j));
             }
         }
+        self.touched = false;
         for pair in pairs.map(|p| &model.pairs[p as usize]) {
             if pair.cross {
+                self.touched = true;
                 let dofs = &model.pair_dofs[pair.dofs.range()];
                 for (n, i) in dofs.iter().enumerate() {
                     dofs[..n].iter().for_each(|j| self.set(i.dof as usize, j.dof as usize));

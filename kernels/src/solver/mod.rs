@@ -35,7 +35,7 @@ pub use rows::{Arrival, gather};
 
 use crate::acceleration::Acceleration;
 use crate::code::Code;
-use crate::constraint::{Constraint, grow};
+use crate::constraint::{Constraint, ContactRow, grow};
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery};
@@ -270,7 +270,8 @@ fn prepare<L: Lane>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &m
             }
         }
     }
-    work.fill.known = false;
+    let joins = |row: &ContactRow| model.pairs[row.pair as usize].cross;
+    work.fill.known &= !work.fill.touched && !constraint.contact_rows.iter().any(joins);
 }
 
 /// Worlds in which some row acts.

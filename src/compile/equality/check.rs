@@ -56,7 +56,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
 }
 
 /// As messages call it.
-fn name_of(equality: &Equality, index: usize) -> String {
+pub(super) fn name_of(equality: &Equality, index: usize) -> String {
     let kind = match equality.held {
         Held::Points { .. } | Held::Sites(_) => "connect",
         Held::Frames { .. } | Held::SiteFrames { .. } => "weld",

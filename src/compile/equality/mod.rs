@@ -1,6 +1,7 @@
 //! Equality constraints: what they hold, as the tables have it, and as MuJoCo's arrays do.
 
 mod check;
+mod redundant;
 
 use lanesim_kernels::model::{Dof, DofKind, Equality, EqualityDof, EqualityKind, NONE, Span};
 
@@ -12,6 +13,7 @@ use super::pose::{Pose, unit_quat, wxyz};
 use crate::model::{ElementNames, Names};
 use crate::spec::{self, Held, Spec};
 pub(super) use check::check;
+pub(super) use redundant::notes;
 
 /// Numbers of an equality constraint in MuJoCo's `eq_data`.
 pub(crate) const DATA: usize = 12;
@@ -180,7 +182,7 @@ fn objects(equality: &spec::Equality, world: &[Pose], names: &ElementNames) -> O
             (EqualityKind::Connect, BODY, ids)
         }
         Held::Sites(sites) => {
-            data[1] = 0.0;
+            (data[1], data[10]) = (0.0, 0.0);
             (EqualityKind::Connect, SITE, pair(&names.sites, sites, 0))
         }
         Held::Frames { bodies, anchor, relpose, torquescale } => {

@@ -21,6 +21,8 @@ pub struct Equalities<L> {
     pub lanes: u32,
     /// Whether some of those that are listed couple dofs that the inertia matrix does not.
     pub cross: bool,
+    /// How much stiffer than heavy the stiffest is that acts: D over the inertia that it meets.
+    pub swamping: L,
     /// Those that are active in some world, by their place among the model's.
     listed: Vec<u32>,
     /// Jacobians: of each, dof by dof, its rows.
@@ -45,6 +47,7 @@ impl<L: Lane> Equalities<L> {
         Equalities {
             lanes: 0,
             cross: false,
+            swamping: zero,
             listed: Vec::with_capacity(model.equalities.len()),
             jacobian: vec![zero; model.sizes.nej],
             pos: rows.clone(),
@@ -73,7 +76,7 @@ impl<L: Lane> Equalities<L> {
             self.d.fill(L::zero());
         }
         self.listed.clear();
-        (self.lanes, self.cross) = (0, false);
+        (self.lanes, self.cross, self.swamping) = (0, false, L::zero());
     }
 
     /// Those that are active in some world.
@@ -174,9 +177,11 @@ fn write<L: Lane>(
     }
     let d = super::impedance(&impedance, square.sqrt());
     let weights = model.equality_weight(e);
+    let acts = acts & moves;
+    out.swamping = out.swamping.max(L::select(acts, d / (L::one() - d), L::zero()));
     for (i, row) in equality.rows().enumerate() {
         out.pos[row] = held.pos[i];
-        out.d[row] = L::select(acts & moves, L::one() / regulariser(d, weights[i / 3]), L::zero());
+        out.d[row] = L::select(acts, L::one() / regulariser(d, weights[i / 3]), L::zero());
         let pull = impedance.b.mul_add(speeds[i], impedance.k * d * held.pos[i]);
         out.reference[row] = pull + held.drift[i];
     }
