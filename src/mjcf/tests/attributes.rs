@@ -130,7 +130,7 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
     }
     let root = if element == "mujoco" { attributes } else { String::new() };
     format!(
-        "<mujoco{root}><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/>\
+        "<mujoco{root}><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/>\
          <general gear='5'/></default></default>{text}<worldbody><geom name='h' size='1'/><body name='a'>\
          <joint name='j' range='-30 60'/><joint name='k' type='slide'/><geom name='g' size='.1' euler='10 20 30'/><site name='s'/></body></worldbody>\
          <contact><pair geom1='g' geom2='h'/></contact><equality><joint joint1='k'/></equality>\
