@@ -9,6 +9,7 @@ pub mod diagnostics;
 pub mod error;
 pub mod eval;
 mod group;
+pub mod inverse;
 mod memory;
 pub mod mjcf;
 pub mod model;

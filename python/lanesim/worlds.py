@@ -481,6 +481,29 @@ class Worlds:
         """
         self._w.read([], [], _arrays.ids_of(ids, self._nworld))
 
+    def inverse(self, qacc: ArrayLike, out: NDArray[Any] | None = None) -> NDArray[Any]:
+        """Inverse dynamics of the present states: for each world the generalised force (N, N m) that must come from actuators
+        and from outside so that it has the acceleration `qacc`, [nworld, nv] or one row for all (m/s^2, rad/s^2).
+
+        MuJoCo's ``qfrc_inverse``, [nworld, nv], written to `out` if that is given. Where the model's flag ``invdiscrete`` is set,
+        `qacc` is what qvel gains over a step, divided by the time step: `Model.replace` sets flags. Frozen worlds, and those
+        whose state cannot be stepped, have NaN. States stay as they are.
+
+        Raises:
+            InputError: An array has another shape, or a number that is not finite.
+            OptionError: ``invdiscrete`` with the integrator RK4, which evaluates several states in a step.
+        """
+        nworld, nv = self._nworld, self._model.nv
+        rows = _arrays.per_world("qacc", qacc, nworld, [("nv", nv)])
+        _arrays.check_range("qacc", rows, self.dtype)
+        if out is None:
+            out = np.empty((nworld, nv), self.dtype)
+        else:
+            dims = [("nworld", nworld), ("nv", nv)]
+            out = _arrays.target("out", out, (nworld, nv), dims, (np.float64, np.float32))
+        self._w.inverse(rows, (0, 0 if rows.size == nv else nv), out, list(rows.shape))
+        return out
+
     def reset(self, mask: ArrayLike | None = None, key: int | str | None = None, *, ids: Ids = None) -> None:
         """Puts every world, those where `mask` ([nworld], bool) is true, or those that `ids` names, into a keyframe (number
         or name) or into the reference configuration, and clears forces from outside, warm start and status."""

@@ -293,5 +293,5 @@ def test_absent_quantities_have_no_columns(ant) -> None:
 
 
 def test_unsupported_integrators_say_so(pendulum) -> None:
-    with pytest.raises(lanesim.errors.ModelError, match="integrator RK4 is not supported .set integrator=.Euler"):
-        pendulum.replace(integrator="RK4")
+    with pytest.raises(lanesim.errors.ModelError, match="integrator discrete is not supported .set integrator=.Euler"):
+        pendulum.replace(integrator="discrete")

@@ -67,10 +67,11 @@ fn shape(field: Field, model: &Model) -> Vec<Dim> {
 }
 
 /// The dimensions before a state's own: the number of states, or worlds and steps as a rollout writes them.
-fn leading(inputs: &Inputs, model: &Model) -> Result<Vec<Dim>, Failure> {
+pub fn leading(inputs: &Inputs, model: &Model) -> Result<Vec<Dim>, Failure> {
     let Some((name, given)) = inputs.first() else { return Ok(vec![Dim("N", 1)]) };
     let field = Field::ALL.into_iter().find(|(_, known)| *known == name).map(|(field, _)| field);
-    let own = field.map_or(0, |field| shape(field, model).len());
+    // An acceleration has one row, as fields have; time has none.
+    let own = field.map_or(usize::from(name == "qacc"), |field| shape(field, model).len());
     let dims = match given[..given.len().saturating_sub(own)] {
         [n] => vec![Dim("N", n)],
         [nworld, nstep] => vec![Dim("nworld", nworld), Dim("nstep", nstep)],

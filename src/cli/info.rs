@@ -61,7 +61,7 @@ impl Info {
         rows.push(("bytes per world", memory.0.to_string()));
         rows.push(("scratch bytes per thread", memory.1.to_string()));
         rows.push(("timestep", format!("{} s", options.timestep)));
-        rows.push(("integrator", format!("{:?}", options.integrator)));
+        rows.push(("integrator", options.integrator.to_string()));
         rows.push(("cone", format!("{:?}", options.cone)));
         rows.push(("solver", format!("{:?}", options.solver)));
         rows.push(("loaded in", format!("{:.1} ms", seconds * 1e3)));

@@ -28,7 +28,8 @@ use glam::DVec3;
 use lanesim_kernels::acceleration::articulated;
 use lanesim_kernels::collision::{blur, levers};
 use lanesim_kernels::model::{self as kernel, Features, Sizes};
-use lanesim_kernels::options::Options;
+use lanesim_kernels::options::{Integrator, Options};
+use lanesim_kernels::stage::Stage;
 
 use crate::diagnostics::Diagnostics;
 use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
@@ -123,7 +124,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
     let mut tables = kernel::Model { tree_pattern, levers, ..tables };
     tables.blur = blur(&tables);
-    if articulated::pays(&tables) {
+    // What is implicit needs the matrix.
+    if articulated::pays(&tables) && !Stage::Derivative.present(&tables) {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
     }
     let mut diagnostics = Diagnostics::default();
@@ -251,7 +253,7 @@ fn features(
         // Without springs and dampers there are no passive forces at all.
         gravcomp: weight && (flags.spring || flags.damper) && links.links.iter().any(|l| l.gravcomp != 0.0),
         actuation: flags.actuation && !actuators.table.is_empty(),
-        implicit_damping: damped && flags.damper && flags.eulerdamp,
+        implicit_damping: damped && flags.damper && flags.eulerdamp && options.integrator == Integrator::Euler,
         articulated: false,
     }
 }

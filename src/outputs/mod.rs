@@ -249,6 +249,11 @@ impl Output {
         })
     }
 
+    /// Whether it follows from the state that a step starts from; the state itself and the status are what the step leaves.
+    pub(crate) fn derived(&self) -> bool {
+        self.stage().is_some() && self.kind != Kind::Status
+    }
+
     /// Whether it needs the solver's residual.
     pub(crate) fn needs_residual(&self) -> bool {
         self.kind == Kind::SolverResidual

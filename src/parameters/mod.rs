@@ -8,6 +8,7 @@
 mod worlds;
 
 use lanesim_kernels::model::{Model as Tables, Quantities, Quantity, Transmission};
+use lanesim_kernels::options::Integrator;
 
 use crate::compile::{self, MINMU, Weights, potential};
 use crate::error::Error;
@@ -342,7 +343,8 @@ pub(crate) fn widened(model: &Model, set: Quantities) -> Tables<f64> {
         features.gravcomp = (flags.spring || flags.damper) && tables.links.iter().any(|link| link.gravcomp != 0.0);
     }
     if set.has(Quantity::Damping) {
-        (features.dampers, features.implicit_damping) = (flags.damper, flags.damper && flags.eulerdamp);
+        let euler = tables.options.integrator == Integrator::Euler;
+        (features.dampers, features.implicit_damping) = (flags.damper, flags.damper && flags.eulerdamp && euler);
         tables.dofs.iter_mut().for_each(|dof| dof.damped = true);
     }
     if set.has(Quantity::Stiffness) {

@@ -12,6 +12,7 @@ mod dual;
 pub mod edges;
 mod fill;
 mod hessian;
+mod inverse;
 pub mod joints;
 mod line;
 mod newton;
@@ -25,6 +26,7 @@ mod rows;
 
 pub use fill::Fill;
 pub use hessian::{couple, curve};
+pub use inverse::force_at;
 pub use line::{LINE, Line, Trial, probe};
 pub use newton::{descend, polish};
 pub use primal::{choose, depart, motion};
