@@ -238,7 +238,7 @@ fn inverse_computes_forces() {
     let discrete = ["--option", "invdiscrete=enable", "--option", "integrator=RK4"];
     fails(
         &[&["inverse", ANT, "--states", &states, "-o", &out], &discrete[..]].concat(),
-        1,
+        2,
         "do not go with integrator RK4",
     );
     let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14)]);
