@@ -1,5 +1,7 @@
 //! The engine behind [`Worlds`](crate::Worlds): blocks of one lane type, and the workers that take them through steps.
 
+mod inverse;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,10 +9,12 @@ use std::time::Instant;
 
 use lanesim_kernels::code::{Code, Outside};
 use lanesim_kernels::diagnosis::{self, Element};
+use lanesim_kernels::inverse::Inverse;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model as KernelModel, Quantities, Quantity, Varied};
 use lanesim_kernels::pipeline::{self, Run, StageClock};
 use lanesim_kernels::state::{BlockStatus, Status};
+use lanesim_kernels::step;
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
@@ -52,6 +56,7 @@ pub(crate) trait Engine: Send {
     fn ask_for_forces(&self, field: Field, nworld: usize) -> Result<(), Error>;
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>, cancel: Option<&AtomicBool>);
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
+    fn inverse(&mut self, qacc: &Strided<'_>, rows: Rows<'_>, cancel: Option<&AtomicBool>);
     /// Does `work` on an engine that has only these worlds, in this order, and puts them back where they were.
     fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error>;
     fn vary(&mut self, set: Quantities) -> Result<(), Error>;
@@ -103,6 +108,8 @@ struct Worker<L: LaneQuery> {
     statistics: Statistics,
     clock: StageClock,
     buffers: Buffers,
+    /// From when it is first asked for.
+    inverse: Option<Inverse<L>>,
 }
 
 /// A worker's way to the code made for the model.
@@ -131,6 +138,7 @@ impl<L: LaneQuery> Worker<L> {
             statistics: Statistics::default(),
             clock: StageClock::default(),
             buffers: Buffers::default(),
+            inverse: None,
         }
     }
 }
@@ -272,9 +280,11 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                     while block.done < end && !rollout.cancelled() {
                         self.load_controls(rollout, *first_world, block);
                         // A block of which all worlds are frozen is passed over.
-                        let some = block.status.alive != 0;
-                        let valid = if some { self.step_block(rollout, plan, block, worker) } else { 0 };
-                        self.record(rollout, rows, (*worlds, valid), block, worker);
+                        if block.status.alive != 0 {
+                            self.step_block(rollout, plan, (rows, *worlds), block, worker);
+                        } else {
+                            self.record(rollout, rows, (*worlds, |_| true), (!0, 0), block, worker);
+                        }
                         block.done += 1;
                     }
                 });
@@ -325,21 +335,35 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
-    /// Takes a block through a step. Returns the worlds that it did not lose.
-    fn step_block(&self, rollout: &Rollout<'_>, plan: &Plan, block: &mut Block<L>, worker: &mut Worker<L>) -> u32 {
+    /// Takes a block through a step, and writes the outputs. Those that are derived follow from the state from which the step starts;
+    /// worlds that it loses have none.
+    fn step_block(
+        &self,
+        rollout: &Rollout<'_>,
+        plan: &Plan,
+        (rows, worlds): (&mut [Rows<'_>], usize),
+        block: &mut Block<L>,
+        worker: &mut Worker<L>,
+    ) {
         let before = block.status;
         let Block { state, status, applied, varied, .. } = block;
         let mut run = self.run(plan, (applied.as_deref(), varied.as_deref()), worker.code.as_mut());
         run.clock = rollout.clock.then_some(&mut worker.clock);
-        pipeline::step(&self.tables, state, &mut run, status, &mut worker.workspace);
-        let kept = block.status.alive;
-        if block.status != before {
-            self.note_step(block, before, &worker.workspace);
-        }
+        let solved = step::evaluate(&self.tables, state, &mut run, status, &mut worker.workspace);
         if rollout.statistics {
             worker.statistics.gather(&worker.workspace, before.alive);
         }
-        kept
+        self.record(rollout, rows, (worlds, Output::derived), (!0, solved.lanes), block, worker);
+        let Block { state, status, applied, varied, .. } = block;
+        let mut run = self.run(plan, (applied.as_deref(), varied.as_deref()), worker.code.as_mut());
+        run.clock = rollout.clock.then_some(&mut worker.clock);
+        step::advance(&self.tables, state, &mut run, status, solved, &mut worker.workspace);
+        let lost = solved.lanes & !block.status.alive;
+        if block.status != before {
+            self.note_step(block, before, &worker.workspace);
+        }
+        self.record(rollout, rows, (worlds, Output::derived), (lost, 0), block, worker);
+        self.record(rollout, rows, (worlds, |output| !output.derived()), (!0, 0), block, worker);
     }
 
     fn run<'a>(&self, plan: &Plan, (applied, varied): Outside<'a, L>, code: &'a mut dyn Code<L>) -> Run<'a, L> {
@@ -459,20 +483,22 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
     }
 
-    /// Writes the outputs of a block of which `rows` are those of `worlds` worlds; derived ones where they are `valid`.
+    /// Writes some outputs of a block's lanes, of which `rows` are those of `worlds` worlds; derived ones have numbers where they are
+    /// `valid`.
     fn record(
         &self,
         rollout: &Rollout<'_>,
         rows: &mut [Rows<'_>],
-        (worlds, valid): (usize, u32),
+        (worlds, which): (usize, fn(&Output) -> bool),
+        (lanes, valid): (u32, u32),
         block: &Block<L>,
         worker: &mut Worker<L>,
     ) {
         let Worker { workspace, buffers, .. } = worker;
         let view = View { model: &self.model, tables: &self.tables, block, workspace, valid, solved: valid };
-        for (output, rows) in rollout.outputs.iter().zip(rows) {
+        for (output, rows) in rollout.outputs.iter().zip(rows).filter(|(output, _)| lanes != 0 && which(output)) {
             let width = rows.len() / (worlds * rollout.nstep);
-            for (lane, id) in block.ids.iter().enumerate() {
+            for (lane, id) in block.ids.iter().enumerate().filter(|(lane, _)| lanes >> lane & 1 != 0) {
                 output.write(&view, lane, buffers, rows, (id * rollout.nstep + block.done) * width);
             }
         }
@@ -571,6 +597,10 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
         }
         self.crew.steps += rollout.nstep as u64;
         self.crew.collect()
+    }
+
+    fn inverse(&mut self, qacc: &Strided<'_>, rows: Rows<'_>, cancel: Option<&AtomicBool>) {
+        self.invert(qacc, rows, cancel);
     }
 
     fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error> {

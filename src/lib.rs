@@ -55,6 +55,7 @@ pub mod diagnostics;
 pub mod error;
 pub mod eval;
 mod group;
+pub mod inverse;
 pub mod memory;
 pub mod mjcf;
 pub mod model;

@@ -127,6 +127,10 @@ fn steps_do_not_allocate() {
         let reset = Options { on_diverge: OnDiverge::Reset { key: None }, ..options(Precision::F64, Backend::Auto) };
         assert_silent(&format!("ant with {option}={value}"), &model, &reset);
     }
+    for (model, integrator) in [("zoo/ant", "RK4"), ("zoo/humanoid18", "implicit"), ("unit/rk4", "implicitfast")] {
+        let model = support::load_with(model, &[("integrator", integrator)]);
+        assert_silent(integrator, &model, &options(Precision::F32, Backend::Auto));
+    }
     assert_parameters_are_silent();
     assert_events_are_silent();
     assert_idle_threads_take_nothing();

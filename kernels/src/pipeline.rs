@@ -1,23 +1,23 @@
-//! A step, from top to bottom.
+//! The stages, from top to bottom, and the commit of what follows from them.
 
 use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::code::Code;
 use crate::collision::Colliders;
+use crate::derivative::Derivative;
 use crate::inertia::Inertia;
 use crate::integration::Integration;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::model::{Instance, Model, Varied};
 use crate::passive::Passive;
 use crate::position::Position;
-use crate::solver::Solver;
 pub use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, BlockStatus, State, Status};
 use crate::velocity::Velocity;
 use crate::workspace::Workspace;
 use crate::{
-    acceleration, actuation, collision, constraint, diagnosis, double, energy, inertia, integration, passive, position,
-    solver, velocity,
+    acceleration, actuation, collision, constraint, derivative, double, energy, inertia, passive, position, solver,
+    velocity,
 };
 
 /// How the caller wants a block to be run.
@@ -70,7 +70,10 @@ pub fn forward<L: LaneQuery>(
         }
     };
     let outside = (run.applied, run.varied);
-    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, outside, run.keep, ws) } else { None };
+    // Rows of equality constraints read accelerations of links, which no other part of a step does.
+    let linked = !model.equalities.is_empty();
+    let keep = run.keep || linked;
+    let coded = if runs(Stage::Acceleration) { run.code.smooth(state, outside, keep, ws) } else { None };
     let findings = match coded {
         Some(findings) => {
             end(Stage::Acceleration);
@@ -95,14 +98,19 @@ pub fn forward<L: LaneQuery>(
         status.record(Status::CONTACT_OVERFLOW, L::bits(overflow & alive));
         end(Stage::Collision);
     }
-    if runs(Stage::Constraint) && ws.collision.slots.is_empty() && findings.joint_rows & status.alive == 0 {
+    let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
+    if runs(Stage::Constraint) && linked {
+        let (read, out) = ((&state.qpos[..], &state.eq_active[..]), &mut ws.constraint.equality);
+        constraint::equality_rows(instance, motion, read, alive, out);
+    }
+    let idle = ws.collision.slots.is_empty() && findings.joint_rows & status.alive == 0;
+    if runs(Stage::Constraint) && idle && ws.constraint.equality.is_empty() {
         ws.constraint.clear();
         end(Stage::Constraint);
     } else if runs(Stage::Constraint) {
         if !run.code.dof_rows(state, run.varied, &mut ws.constraint) {
             constraint::dof_rows(instance, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         }
-        let motion = constraint::Motion { position: &ws.position, velocity: &ws.velocity, qvel: &state.qvel };
         constraint::contact_rows(instance, motion, &ws.collision, run.code, &mut ws.constraint);
         end(Stage::Constraint);
     }
@@ -132,14 +140,15 @@ pub struct Smooth<'a, L> {
     pub passive: &'a mut Passive<L>,
     pub actuation: &'a mut Actuation<L>,
     pub acceleration: &'a mut Acceleration<L>,
+    pub derivative: &'a mut Derivative<L>,
     pub colliders: &'a mut Colliders<L>,
 }
 
 impl<L> Smooth<'_, L> {
     /// Borrowed for a shorter time.
     pub fn borrow(&mut self) -> Smooth<'_, L> {
-        let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = self;
-        Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders }
+        let Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders } = self;
+        Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
     }
 }
 
@@ -179,7 +188,7 @@ impl<M> From<Findings<M>> for [M; 5] {
     }
 }
 
-/// From positions to the smooth acceleration, how far geoms moved, and where rows on joints act: those of its stages for which
+/// From positions to the smooth acceleration and what integrates it implicitly, how far geoms moved, and where rows on joints act: those of its stages for which
 /// `runs` holds. Calls `end` after each.
 pub fn smooth<L: Lane>(
     model: Instance<'_, L>,
@@ -189,7 +198,7 @@ pub fn smooth<L: Lane>(
     stages: Smooth<'_, L>,
     end: &mut dyn FnMut(Stage),
 ) -> Findings<L::Mask> {
-    let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
+    let Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders } = stages;
     let mut findings = Findings::from([L::Mask::splat(false); 5]);
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
@@ -225,6 +234,12 @@ pub fn smooth<L: Lane>(
         }
         end(Stage::Acceleration);
     }
+    if runs(Stage::Derivative) {
+        let stages = derivative::Stages { position, inertia, velocity, actuation };
+        derivative::implicit(model, state, stages, derivative);
+        derivative::factor(&model, derivative);
+        end(Stage::Derivative);
+    }
     findings
 }
 
@@ -256,40 +271,6 @@ fn solve<L: LaneQuery>(
         solver::measure_residual(&problem, &mut ws.solver);
     }
     unfinished
-}
-
-/// One step: forward, integrate, check, commit. A world whose next state would not be finite, or huge, keeps its last
-/// state and is frozen.
-pub fn step<L: LaneQuery>(
-    model: &Model<L::Real>,
-    state: &mut State<L>,
-    run: &mut Run<'_, L>,
-    status: &mut BlockStatus,
-    ws: &mut Workspace<L>,
-) {
-    if let Some(clock) = &mut run.clock {
-        clock.start();
-    }
-    run.stages = run.stages | Stages::STEP;
-    let solved = forward(model, state, run, status, ws);
-    let good = run.code.euler(state, run.varied, solved.lanes, ws).unwrap_or_else(|| {
-        let (smooth, alive) = (&ws.acceleration, L::mask_of(solved.lanes));
-        let Solver { qacc, qfrc_constraint, .. } = &ws.solver.fields;
-        let forces = [&smooth.qfrc_smooth[..], qfrc_constraint];
-        let instance = Instance { model, varied: run.varied };
-        let masses = (&ws.position, &ws.inertia);
-        integration::euler(instance, masses, &state.qpos, &state.qvel, qacc, forces, &mut ws.integration);
-        L::bits(commit(model, &ws.integration, [qacc, &smooth.qacc_smooth], L::zero(), alive, state))
-    });
-    // How a solver ends that works with numbers beyond all bounds says nothing, and may depend on other worlds' contacts.
-    status.record(Status::NOT_CONVERGED, solved.unfinished & good);
-    let lost = status.alive & !good;
-    if lost != 0 {
-        diagnosis::freeze(ws, lost, status);
-    }
-    if let Some(clock) = &mut run.clock {
-        clock.end(Stage::Integration);
-    }
 }
 
 /// Replaces the state by the next one in the lanes of `alive` whose next state is usable, and returns these. `qacc` is the

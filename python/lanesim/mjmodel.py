@@ -25,6 +25,8 @@ SIZES = (3, 0, 1, 2, 3, 2, 3, 0, 0)
 GEOM = "pos quat contype conaffinity condim priority friction solmix solref solimp margin gap group"
 """What a geom's attributes and arrays have in common."""
 EQUALITIES = ("connect", "weld", "joint", "tendon", "flex")
+HELD = {"connect": "", "weld": "", "joint": "joint"}
+"""Those that are built, and what they hold: bodies or sites where it is not said."""
 GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
 BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
@@ -75,6 +77,10 @@ class _Writer:
         for a in range(m.nactuator):
             kind = kinds.get(self._transmission(a))
             referred += [(kind, int(i)) for i in m.actuator_trnid[a] if kind and i >= 0]
+        for e in range(m.neq):
+            what = {0: "joint", 1: "body", 6: "site"}.get(int(m.eq_objtype[e]))
+            if what and int(m.eq_type[e]) < len(HELD):
+                referred += [(what, int(i)) for i in (m.eq_obj1id[e], m.eq_obj2id[e]) if i >= 0]
         for kind, i in referred:
             if not getattr(m, kind)(i).name:
                 self.named[kind, i] = f"{kind} {i}"
@@ -292,9 +298,11 @@ class _Writer:
         if m.neq:
             equalities = root.add("equality")
             for e in range(m.neq):
-                kind = int(m.eq_type[e])
+                kind = EQUALITIES[min(int(m.eq_type[e]), 4)]
                 active = None if m.eq_active0[e] else False
-                equalities.add(EQUALITIES[min(kind, 4)], name=m.equality(e).name or f"equality {e}", active=active)
+                law = {"solref": m.eq_solref[e], "solimp": m.eq_solimp[e]} if kind in HELD else {}
+                name = m.equality(e).name or f"equality {e}"
+                equalities.add(kind, name=name, active=active, **law, **self._held(kind, e))
         if m.nsensor:
             sensors = root.add("sensor")
             for s in range(m.nsensor):
@@ -304,6 +312,27 @@ class _Writer:
             assets = root.add("asset")
             for i in range(m.nmesh):
                 assets.add("mesh", name=m.mesh(i).name, file=f"{m.mesh(i).name}.obj")
+
+    def _held(self, kind: str, e: int) -> dict[str, Any]:
+        """What an equality constraint holds, as attributes."""
+        import mujoco
+
+        m = self.m
+        if kind not in HELD:
+            return {}
+        what = HELD[kind] or ("site" if int(m.eq_objtype[e]) == int(mujoco.mjtObj.mjOBJ_SITE) else "body")
+        ids = (int(m.eq_obj1id[e]), int(m.eq_obj2id[e]))
+        held: dict[str, Any] = {f"{what}{n}": self.name(what, i) for n, i in enumerate(ids, 1) if i >= 0}
+        data = m.eq_data[e]
+        if kind == "joint":
+            held["polycoef"] = data[:5]
+        elif what == "body":
+            held["anchor"] = data[:3]
+        if kind == "weld":
+            held["torquescale"] = data[10]
+            if what == "body" and not data[11]:  # Otherwise it is that of the reference configuration.
+                held["relpose"] = data[3:10]
+        return held
 
     def _keys(self) -> None:
         m = self.m

@@ -41,7 +41,7 @@ class Solver(enum.IntEnum):
     Newton = 2
 
 
-KINDS = ("body", "joint", "geom", "site", "actuator", "key")
+KINDS = ("body", "joint", "geom", "site", "equality", "actuator", "key")
 """Kinds of elements that have names."""
 _ENUMS: dict[str, type[enum.IntEnum]] = {"integrator": Integrator, "cone": Cone, "solver": Solver}
 _OPTIONS = (

@@ -88,6 +88,7 @@ impl Model {
             "joint" => &names.joints,
             "geom" => &names.geoms,
             "site" => &names.sites,
+            "equality" => &names.equalities,
             "actuator" => &names.actuators,
             "key" => &names.keys,
             _ => return Err(PyKeyError::new_err(kind.to_string())),

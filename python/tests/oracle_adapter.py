@@ -83,8 +83,8 @@ class Adapter:
         return {name: np.array(arrays) for name, arrays in rows.items()}
 
     def inverse(self, model, state, qacc):
-        """Not built yet."""
-        raise NotImplementedError
+        """The force for which a state has an acceleration."""
+        return self.worlds(model, state).inverse(np.asarray(qacc)[None])[0]
 
     def fd(self, model, state, eps, integrator):
         """Not built yet."""

@@ -52,7 +52,7 @@ pub struct Eval {
 }
 
 /// Arrays that MuJoCo's state has and ours does not have yet: passed over, since a lenient load leaves out what they are for.
-const PASSED_OVER: [&str; 3] = ["mocap_pos", "mocap_quat", "eq_active"];
+const PASSED_OVER: [&str; 2] = ["mocap_pos", "mocap_quat"];
 
 /// Shape of a field after the number of states.
 fn shape(field: Field, model: &Model) -> Vec<Dim> {
@@ -63,15 +63,17 @@ fn shape(field: Field, model: &Model) -> Vec<Dim> {
         Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => vec![dim("nv")],
         Field::Act => vec![dim("na")],
         Field::Ctrl => vec![dim("nu")],
+        Field::EqActive => vec![dim("neq")],
         Field::XfrcApplied => vec![dim("nbody"), Dim("", 6)],
     }
 }
 
 /// The number of states, and the dimensions before a state's own: that number, or worlds and steps as a rollout writes them.
-fn leading(inputs: &Inputs, model: &Model) -> Result<(usize, Vec<Dim>), Failure> {
+pub fn leading(inputs: &Inputs, model: &Model) -> Result<(usize, Vec<Dim>), Failure> {
     let Some((name, given)) = inputs.first() else { return Ok((1, vec![Dim("N", 1)])) };
     let field = Field::ALL.into_iter().find(|(_, known)| *known == name).map(|(field, _)| field);
-    let own = field.map_or(0, |field| shape(field, model).len());
+    // An acceleration has one row, as fields have; time has none.
+    let own = field.map_or(usize::from(name == "qacc"), |field| shape(field, model).len());
     let dims = match given[..given.len().saturating_sub(own)] {
         [n] => vec![Dim("N", n)],
         [nworld, nstep] => vec![Dim("nworld", nworld), Dim("nstep", nstep)],
@@ -93,6 +95,7 @@ fn start(field: Field, key: &Key) -> Option<Vec<f64>> {
         Field::Qvel => Some(key.qvel.clone()),
         Field::Act => Some(key.act.clone()),
         Field::Ctrl => Some(key.ctrl.clone()),
+        Field::EqActive => Some(key.eq_active.clone()),
         Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
     }
 }

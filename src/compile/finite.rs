@@ -66,6 +66,10 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     for entry in &tables.pairs {
         at(geom(tables.geoms[entry.geom1 as usize].id as usize), entry.overflow());
     }
+    for entry in &tables.equalities {
+        let equality = &spec.equalities[entry.id as usize];
+        at((&equality.source, label("equality", &equality.name, entry.id as usize)), entry.overflow());
+    }
     for (i, (entry, actuator)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
         at((&actuator.source, label("actuator", &actuator.name, i)), entry.overflow());
     }

@@ -37,6 +37,9 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
     for (i, pair) in spec.pairs.iter().enumerate().filter(|(_, pair)| raised(options, pair.solref)) {
         slow.push(&pair.source, label("pair", &pair.name, i));
     }
+    for (i, equality) in spec.equalities.iter().enumerate().filter(|(_, equality)| raised(options, equality.solref)) {
+        slow.push(&equality.source, label("equality", &equality.name, i));
+    }
     notes.extend(pushing.sentence("stiffness is negative, the spring pushes away"));
     notes.extend(empty_ranges(spec, scene).sentence("ranges are empty and limit nothing"));
     let bound = 2.0 * options.timestep;
@@ -110,7 +113,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("nsite", scene.sites.len()),
         ("ntree", links.tree_root.len()),
         ("ntendon", 0),
-        ("neq", 0),
+        ("neq", spec.equalities.len()),
         ("nsensor", 0),
         ("nsensordata", 0),
         ("nmocap", scene.nmocap),

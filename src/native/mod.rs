@@ -163,8 +163,9 @@ impl<T: Float> ModelCode<T> {
     }
 
     fn smooth<'a>(&self, readers: &'a Readers<T>, kind: SmoothKind) -> Option<&'a Fragment<T>> {
-        let operations = |tables: &_| PER_LINK * self.tables.sizes.nlink + solver::work_of_factor(tables, false);
-        self.get("smooth", readers.smooth(kind), operations, |_| parts::smooth(&readers.tables, kind, readers.set))
+        self.get("smooth", readers.smooth(kind), parts::operations_of_smooth, |_| {
+            parts::smooth(&readers.tables, kind, readers.set)
+        })
     }
 
     fn euler<'a>(&self, readers: &'a Readers<T>) -> Option<&'a Fragment<T>> {
@@ -224,10 +225,11 @@ impl<T: Float> ModelCode<T> {
         self.contacts.get(part, kind, self.structure().live, self.isa)
     }
 
-    /// Whether pairs are both links, and whether some join branches.
+    /// Whether pairs are both links, or there are equality constraints, and whether some join branches.
     fn joins(&self) -> (bool, bool) {
-        let pairs = &self.tables.pairs;
-        (pairs.iter().any(|pair| pair.sides != Sides::One), pairs.iter().any(|pair| pair.cross))
+        let (pairs, equalities) = (&self.tables.pairs, &self.tables.equalities);
+        let both = pairs.iter().any(|pair| pair.sides != Sides::One) || !equalities.is_empty();
+        (both, pairs.iter().any(|pair| pair.cross) || equalities.iter().any(|equality| equality.cross))
     }
 
     /// Whether all parts of Newton's iteration have code, but for those of single pairs.
@@ -259,10 +261,11 @@ impl<T: Float> ModelCode<T> {
 
     /// Makes the code that a plain step runs, and names it; `None`: that part stays with the kernels.
     pub fn parts(&self) -> Vec<(String, Option<&Fragment<T>>)> {
-        let mut all = vec![
-            ("smooth".to_owned(), self.smooth(&self.readers.first, SmoothKind { applied: false, keep: false })),
-            ("euler".to_owned(), self.euler(&self.readers.first)),
-        ];
+        let smooth = self.smooth(&self.readers.first, SmoothKind { applied: false, keep: false });
+        let mut all = vec![("smooth".to_owned(), smooth)];
+        if self.tables.options.integrator == options::Integrator::Euler {
+            all.push(("euler".to_owned(), self.euler(&self.readers.first)));
+        }
         all.extend(
             self.near().groups.iter().enumerate().map(|(g, group)| (format!("near {g}"), Some(&group.fragment))),
         );
@@ -270,6 +273,9 @@ impl<T: Float> ModelCode<T> {
         let solver = self.tables.options.solver;
         if !self.tables.constrained() || solver == options::Solver::Pgs {
             return all;
+        }
+        if !self.tables.equalities.is_empty() {
+            all.push(("equality constraints".to_owned(), None));
         }
         let newton = solver == options::Solver::Newton;
         let (both, joins) = self.joins();

@@ -5,6 +5,7 @@ use lanesim_kernels::acceleration::Acceleration;
 use lanesim_kernels::actuation::Actuation;
 use lanesim_kernels::collision::Colliders;
 use lanesim_kernels::constraint::{self, Constraint};
+use lanesim_kernels::derivative::Derivative;
 use lanesim_kernels::inertia::Inertia;
 use lanesim_kernels::integration::{self, Integration};
 use lanesim_kernels::lane::Lane;
@@ -33,7 +34,7 @@ pub fn smooth_fields<'a, L: Lane, T>(
     stages: Smooth<'a, L>,
     f: &mut dyn FnMut(&'a mut [L]),
 ) {
-    let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
+    let Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders } = stages;
     f(&mut colliders.qpos);
     f(colliders.origin.as_flattened_mut());
     f(&mut colliders.way);
@@ -47,6 +48,7 @@ pub fn smooth_fields<'a, L: Lane, T>(
         passive.for_each(&mut |field| f(field.data));
         actuation.for_each(&mut |field| f(field.data));
         acceleration.for_each(&mut |field| f(field.data));
+        derivative.for_each(&mut |field| f(field.data));
         return;
     }
     f(position.origin.as_flattened_mut());
@@ -66,6 +68,9 @@ pub fn smooth_fields<'a, L: Lane, T>(
     if model.options.solver != options::Solver::Newton || model.options.noslip_iterations > 0 {
         f(&mut acceleration.factor);
     }
+    f(&mut derivative.lower);
+    f(&mut derivative.upper);
+    f(&mut derivative.inverse);
 }
 
 /// Numbers that vary, as far as a part reads them: one field for each quantity.
@@ -132,6 +137,7 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind, varying: Quantities)
     let mut passive = Passive::new(&Stage::Passive.sizes(model));
     let mut actuation = Actuation::new(&Stage::Actuation.sizes(model));
     let mut acceleration = Acceleration::new(&model.sizes);
+    let mut derivative = Derivative::new(&Stage::Derivative.sizes(model));
     let mut colliders = Colliders::new(&model.sizes);
     let mut stages = Smooth {
         position: &mut position,
@@ -140,6 +146,7 @@ pub fn smooth<T: Float>(model: &Model<T>, kind: SmoothKind, varying: Quantities)
         passive: &mut passive,
         actuation: &mut actuation,
         acceleration: &mut acceleration,
+        derivative: &mut derivative,
         colliders: &mut colliders,
     };
     let first = binder.next;
@@ -166,6 +173,12 @@ pub fn probe<T: Float>() -> Program<T> {
     let mask = recording.mask_input();
     recording.mask_output(mask);
     recording.finish()
+}
+
+/// Operations of the smooth stages, about.
+pub fn operations_of_smooth<T>(model: &Model<T>) -> usize {
+    let factors = if Stage::Derivative.present(model) { 3 } else { 1 };
+    PER_LINK * model.sizes.nlink + factors * solver::work_of_factor(model, false)
 }
 
 /// Operations of the integration, about.

@@ -65,12 +65,12 @@ impl<'a, L: Block> Bound<'a, L> {
     ) -> Option<Self> {
         let constraint = problem.constraint;
         let newton = problem.model.options.solver == options::Solver::Newton;
-        let apart = constraint.between_trees && constraint.apart().next().is_some();
+        let apart = constraint.by_jacobian && (constraint.apart().next().is_some() || !constraint.equality.is_empty());
         let coupled = || places.couplings().iter().all(|coupling| code.couple(coupling.pair).is_some());
         if !newton || apart || !code.has_rounds() || !coupled() {
             return None;
         }
-        if constraint.between_trees {
+        if constraint.by_jacobian {
             work.fields.pull.fill(L::zero());
         }
         let session = Session::new(scratch, &fields::table(problem, warmstart, work));

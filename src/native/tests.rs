@@ -1,9 +1,10 @@
 use wide::f64x8;
 
 use lanesim_kernels::lane::LaneQuery;
-use lanesim_kernels::pipeline::{self, Run};
+use lanesim_kernels::pipeline::Run;
 use lanesim_kernels::stage::Stages;
 use lanesim_kernels::state::BlockStatus;
+use lanesim_kernels::step::step;
 
 use super::*;
 use crate::convex::SupportCollider;
@@ -35,7 +36,7 @@ impl Bench {
                 code: native,
                 keep: false,
             };
-            pipeline::step(model.tables(), &mut self.state, &mut run, &mut status, &mut self.workspace);
+            step(model.tables(), &mut self.state, &mut run, &mut status, &mut self.workspace);
         }
         assert_eq!(status.alive, 0xff);
         self.state.qpos.iter().map(|q| q.get(3).to_bits()).collect()

@@ -219,6 +219,36 @@ fn eval_computes_fields() {
 }
 
 #[test]
+fn inverse_computes_forces() {
+    let folder = Folder::new("inverse");
+    let write = |name: &str, rows: usize, of: &[(&str, usize)]| {
+        let path = folder.path(name);
+        let arrays: Vec<_> = of
+            .iter()
+            .map(|(name, width)| {
+                ((*name).to_owned(), Array::new(vec![rows, *width], Data::F64(vec![0.1; rows * width])).unwrap())
+            })
+            .collect();
+        npz::write(Path::new(&path), &arrays).unwrap();
+        path
+    };
+    let out = folder.path("out.npz");
+    let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14), ("qacc", 14), ("tme", 1), ("ctrl", 8)]);
+    fails(&["inverse", ANT, "--states", &states, "-o", &out], 1, "array `tme` is not known here; did you mean");
+    let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14), ("qacc", 14), ("ctrl", 8)]);
+    succeeds(&["inverse", ANT, "--states", &states, "-o", &out]);
+    assert_eq!(npz::read(Path::new(&out)).unwrap()["qfrc_inverse"].shape(), [4, 14]);
+    let discrete = ["--option", "invdiscrete=enable", "--option", "integrator=RK4"];
+    fails(
+        &[&["inverse", ANT, "--states", &states, "-o", &out], &discrete[..]].concat(),
+        2,
+        "do not go with integrator RK4",
+    );
+    let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14)]);
+    fails(&["inverse", ANT, "--states", &states, "-o", &out], 1, "has no array `qacc`; give qpos, qvel and qacc");
+}
+
+#[test]
 fn bench_prints_its_error_beside_its_speed() {
     let args = ["bench", "models/zoo/cheetah.xml", "--worlds", "40", "--steps", "20", "--json"];
     let record = json(&succeeds(&args));

@@ -59,7 +59,7 @@ pub fn contact_rows<L: LaneQuery>(
 /// Lists the contacts that act in some world, and makes room for their numbers.
 fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
-    (constraint.cross, constraint.coupled) = (false, false);
+    (constraint.cross, constraint.coupled) = (constraint.equality.cross, false);
     constraint.contact_lanes = 0;
     let (mut component, mut jacobian) = (0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {

@@ -10,11 +10,13 @@
 
 mod contacts;
 mod dof_rows;
+mod equality;
 mod impedance;
 
 pub(crate) use contacts::grow;
 pub use contacts::{Grip, Motion, NUMBERS, Numbers, both_sides, cone, contact_rows, kinds, numbers, still_side};
 pub use dof_rows::{all_dof_rows, dof_lanes, dof_rows, joint_rows};
+pub use equality::{Equalities, equality_rows};
 pub use impedance::impedance;
 
 use crate::lane::Lane;
@@ -225,8 +227,8 @@ pub struct Constraint<L> {
     pub contact_lanes: u32,
     /// Kinds of contacts with sides in one tree that the model can have, in the order in which they are worked through.
     pub kinds: Vec<Kind>,
-    /// Whether the model can have contacts between trees.
-    pub between_trees: bool,
+    /// Whether the model can have rows that go by their Jacobian alone: contacts between trees, equality constraints.
+    pub by_jacobian: bool,
     /// By pair, what its contacts have in common; their places are 0.
     pub rows_of_pairs: Vec<ContactRow>,
     /// Contacts that act in some world.
@@ -243,8 +245,10 @@ pub struct Constraint<L> {
     pub motion: Vec<[L; 6]>,
     /// Jacobians of contacts whose sides both move.
     pub jacobian: Vec<L>,
-    /// Whether some listed contact couples dofs that the inertia matrix does not.
+    /// Whether some listed contact or equality constraint couples dofs that the inertia matrix does not.
     pub cross: bool,
+    /// Equality constraints.
+    pub equality: Equalities<L>,
 }
 
 impl<L: Lane> Constraint<L> {
@@ -259,7 +263,7 @@ impl<L: Lane> Constraint<L> {
             contact_lanes: 0,
             rows_of_pairs: (0..).zip(&model.pairs).map(|(p, pair)| contacts::row_of(model, &kinds, p, pair)).collect(),
             kinds,
-            between_trees: model.pairs.iter().any(|pair| pair.sides == Sides::Apart),
+            by_jacobian: model.pairs.iter().any(|pair| pair.sides == Sides::Apart) || !model.equalities.is_empty(),
             contact_rows: Vec::with_capacity(capacity.contacts),
             components: 0,
             coupled: false,
@@ -268,6 +272,7 @@ impl<L: Lane> Constraint<L> {
             motion: Vec::with_capacity(capacity.components),
             jacobian: Vec::with_capacity(capacity.jacobian),
             cross: false,
+            equality: Equalities::new(model),
         }
     }
 
@@ -278,6 +283,7 @@ impl<L: Lane> Constraint<L> {
             + capacity.contacts * (size_of::<ContactRow>() + size_of::<Strength<L>>())
             + (7 * capacity.components + capacity.jacobian) * size_of::<L>()
             + model.pairs.len() * size_of::<ContactRow>()
+            + Equalities::<L>::bytes(model)
     }
 
     /// The rows on joints.
@@ -321,11 +327,12 @@ impl<L: Lane> Constraint<L> {
             self.dof_lanes.iter_mut().for_each(|lanes| lanes[4] = L::zero());
         }
         self.contact_rows.clear();
+        self.equality.clear();
         (self.joint_lanes, self.contact_lanes, self.cross) = (0, 0, false);
     }
 
     /// Whether no row acts in any world.
     pub fn is_empty(&self) -> bool {
-        self.joint_lanes == 0 && self.contact_rows.is_empty()
+        self.joint_lanes == 0 && self.contact_rows.is_empty() && self.equality.lanes == 0
     }
 }

@@ -1,4 +1,11 @@
-//! Integration: semi-implicit Euler, with joint damping taken implicitly when the model asks for it.
+//! Integration: semi-implicit Euler, with joint damping taken implicitly when the model asks for it; the other methods are in files of
+//! their own.
+
+mod implicit;
+mod rk4;
+
+pub use implicit::implicit;
+pub use rk4::{Rates, Rk4};
 
 use crate::acceleration::articulated;
 use crate::fields::fields;

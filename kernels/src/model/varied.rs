@@ -42,11 +42,13 @@ pub enum Quantity {
     MeanInertia,
     /// Mass of each MJCF body.
     BodyMass,
+    /// Inverse weights of each equality constraint, two numbers.
+    EqualityWeight,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 15] = [
+    pub const ALL: [Quantity; 16] = [
         Quantity::Gravity,
         Quantity::StillPotential,
         Quantity::Damping,
@@ -62,6 +64,7 @@ impl Quantity {
         Quantity::Regulariser,
         Quantity::MeanInertia,
         Quantity::BodyMass,
+        Quantity::EqualityWeight,
     ];
 
     /// The model's own numbers, element by element.
@@ -91,6 +94,7 @@ impl Quantity {
             Quantity::Regulariser => model.friction_losses.iter().map(|loss| loss.r).collect(),
             Quantity::MeanInertia => vec![model.mean_inertia],
             Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
+            Quantity::EqualityWeight => model.equalities.iter().flat_map(|equality| equality.invweight).collect(),
         }
     }
 }
@@ -308,6 +312,12 @@ impl<L: Lane> Instance<'_, L> {
     #[inline(always)]
     pub fn limit_weight(&self, limit: usize) -> L {
         self.entry(Quantity::LimitWeight, limit).map_or_else(|| L::splat(self.limits[limit].invweight), |[x]| x)
+    }
+
+    /// Inverse weights of an equality constraint, of rows of position and of orientation.
+    #[inline(always)]
+    pub fn equality_weight(&self, equality: usize) -> [L; 2] {
+        self.entry(Quantity::EqualityWeight, equality).unwrap_or_else(|| splat(&self.equalities[equality].invweight))
     }
 
     /// Regulariser of a dry friction.

@@ -1,5 +1,5 @@
-//! Pattern of the Hessian when contacts join branches: entries of the inertia matrix, entries between the dofs of each
-//! joining contact, and what elimination fills in.
+//! Pattern of the Hessian when rows join branches: entries of the inertia matrix, entries between the dofs of each joining
+//! contact and of all joining equality constraints, and what elimination fills in.
 
 use std::ops::Range;
 
@@ -12,6 +12,8 @@ pub struct Fill {
     pub pattern: Pattern,
     /// Whether it has been found.
     pub known: bool,
+    /// Whether contacts had a part in it; without, it stays from solve to solve.
+    pub touched: bool,
     /// Columns below the diagonal, for every row from the word of its first stored column to that of the diagonal.
     bits: Vec<u64>,
     /// Where the word of column 0 of each row would be in `bits`, and the words that there are.
@@ -19,7 +21,7 @@ pub struct Fill {
 }
 
 impl Fill {
-    /// Room for any pattern; none if no contact joins branches.
+    /// Room for any pattern; none if nothing joins branches.
     pub fn new<T>(model: &Model<T>) -> Self {
         if !joins(model) {
             return Fill::default();
@@ -38,6 +40,7 @@ impl Fill {
             pattern: Pattern::with_capacity(nv, runs, model.sizes.nm),
             bits: vec![0; bits],
             known: false,
+            touched: false,
         }
     }
 
@@ -50,7 +53,7 @@ impl Fill {
         8 * (bits + runs) + 4 * model.sizes.nm + 40 * model.sizes.nv
     }
 
-    /// Finds the pattern for contacts of the given pairs of links.
+    /// Finds the pattern for contacts of the given pairs of links, and the model's equality constraints.
     pub fn find<T>(&mut self, model: &Model<T>, pairs: impl Iterator<Item = u32>) {
         self.bits.fill(0);
         for i in 0..model.sizes.nv {
@@ -58,12 +61,20 @@ impl Fill {
                 run.range().for_each(|j| self.set(i, j));
             }
         }
+        self.touched = false;
         for pair in pairs.map(|p| &model.pairs[p as usize]) {
             if pair.cross {
+                self.touched = true;
                 let dofs = &model.pair_dofs[pair.dofs.range()];
                 for (n, i) in dofs.iter().enumerate() {
                     dofs[..n].iter().for_each(|j| self.set(i.dof as usize, j.dof as usize));
                 }
+            }
+        }
+        for equality in model.equalities.iter().filter(|equality| equality.cross) {
+            let dofs = &model.equality_dofs[equality.dofs.range()];
+            for (n, i) in dofs.iter().enumerate() {
+                dofs[..n].iter().for_each(|j| self.set(i.dof as usize, j.dof as usize));
             }
         }
         self.close();
@@ -130,9 +141,9 @@ impl Fill {
     }
 }
 
-/// Whether some contact joins branches.
-fn joins<T>(model: &Model<T>) -> bool {
-    model.pairs.iter().any(|pair| pair.cross)
+/// Whether some contact or equality constraint joins branches.
+pub(super) fn joins<T>(model: &Model<T>) -> bool {
+    model.pairs.iter().any(|pair| pair.cross) || model.equalities.iter().any(|equality| equality.cross)
 }
 
 /// Words of bits, and most runs. A row of n columns below the diagonal has at most (n + 1)/2 runs.

@@ -6,7 +6,7 @@
 
 use super::cone::{self, Stiffness};
 use super::contact;
-use super::{Problem, Solver, SolverWork, joints};
+use super::{Problem, Solver, SolverWork, equality, joints};
 use crate::code::{Code, SolverPart};
 use crate::constraint::Law;
 use crate::lane::{Lane, LaneQuery};
@@ -31,6 +31,7 @@ pub fn assemble<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, 
             couple(&model.rows, dofs, constraint.law(row), jacobian, y, &mut work.fields.hessian);
         }
     }
+    equality::stiffen(problem, &mut work.fields.hessian);
 }
 
 /// H += Jᵀ K J of a contact whose sides both move, on the given dofs.

@@ -10,8 +10,10 @@ mod cone;
 pub mod contact;
 mod dual;
 pub mod edges;
+mod equality;
 mod fill;
 mod hessian;
+mod inverse;
 pub mod joints;
 mod line;
 mod newton;
@@ -25,6 +27,7 @@ mod rows;
 
 pub use fill::Fill;
 pub use hessian::{couple, curve};
+pub use inverse::force_at;
 pub use line::{LINE, Line, Trial, probe};
 pub use newton::{descend, polish};
 pub use primal::{choose, depart, motion};
@@ -34,7 +37,7 @@ pub use rows::{Arrival, gather};
 
 use crate::acceleration::Acceleration;
 use crate::code::Code;
-use crate::constraint::{Constraint, grow};
+use crate::constraint::{Constraint, ContactRow, grow};
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, LaneQuery};
@@ -108,11 +111,14 @@ pub struct RowVector<L> {
     pub dof: Vec<L>,
     /// Per contact component; never shorter than it once was, as the lists of [`Constraint`].
     pub component: Vec<L>,
+    /// Per row of equality constraints, whether they are listed or not.
+    pub equality: Vec<L>,
 }
 
 impl<L: Lane> RowVector<L> {
-    fn with_capacity(dof: usize, component: usize) -> Self {
-        RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component) }
+    fn with_capacity([dof, component, equality]: [usize; 3]) -> Self {
+        let equality = vec![L::zero(); equality];
+        RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component), equality }
     }
 
     /// Sets the lengths to those of the constraint's lists, which those of contacts never exceed.
@@ -156,6 +162,8 @@ pub struct SolverWork<L> {
     pub spare: RowVector<L>,
     /// What is known along p.
     pub line: Line<L>,
+    /// Slope and curvature of the cost of equality constraints along p.
+    pub along: [L; 2],
     /// Force of each edge of the pyramidal contacts, contact by contact (of primal solvers if anyone wants to know).
     pub edge_force: Vec<L>,
     /// Inverse inertia in row space (dual solvers and the no-slip pass).
@@ -181,16 +189,18 @@ impl<L: Lane> SolverWork<L> {
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+        let rows = [dof, component, model.sizes.ne];
         let sizes = Stage::Solver.sizes(model);
         SolverWork {
             fields: Solver::new(&sizes),
-            y: RowVector::with_capacity(dof, component),
-            jp: RowVector::with_capacity(dof, component),
-            force: RowVector::with_capacity(dof, component),
-            spare: RowVector::with_capacity(dof, component),
+            y: RowVector::with_capacity(rows),
+            jp: RowVector::with_capacity(rows),
+            force: RowVector::with_capacity(rows),
+            spare: RowVector::with_capacity(rows),
             line: Line::new(),
+            along: [L::zero(); 2],
             edge_force: Vec::with_capacity(2 * component),
-            dual: dual::Dual::new(model, dof, component),
+            dual: dual::Dual::new(model, rows),
             past: match point(model) {
                 0 => anderson::Anderson::new(),
                 len => anderson::Anderson::with_capacity(len),
@@ -204,17 +214,18 @@ impl<L: Lane> SolverWork<L> {
     /// Bytes of that.
     pub fn bytes(model: &Model<L::Real>) -> usize {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
-        let rows = (4 * (dof + component) + 2 * component) * size_of::<L>() + model.sizes.nlink;
+        let all = dof + component + model.sizes.ne;
+        let rows = (4 * all + 2 * component) * size_of::<L>() + model.sizes.nlink;
         let past = anderson::Anderson::<L>::bytes(point(model));
         let fields = Solver::<L>::bytes(&Stage::Solver.sizes(model));
-        fields.saturating_add(rows + past + dual::Dual::<L>::bytes(model, dof, component) + Fill::bytes(model))
+        fields.saturating_add(rows + past + dual::Dual::<L>::bytes(model, all) + Fill::bytes(model))
     }
 }
 
 /// Length of the points that acceleration of sweeps remembers: forces and accelerations; 0 for solvers without.
 fn point<T: crate::lane::Real>(model: &Model<T>) -> usize {
     let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
-    if model.options.solver == options::Solver::Pgs { dof + 2 * component + model.sizes.nv } else { 0 }
+    if model.options.solver == options::Solver::Pgs { dof + 2 * component + model.sizes.ne + model.sizes.nv } else { 0 }
 }
 
 /// Solves for `qacc` and `qfrc_constraint` in the lanes of `alive`. `warmstart` is what constraints added to the smooth
@@ -266,26 +277,27 @@ fn prepare<L: Lane>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &m
             }
         }
     }
-    work.fill.known = false;
+    let joins = |row: &ContactRow| model.pairs[row.pair as usize].cross;
+    work.fill.known &= !work.fill.touched && !constraint.contact_rows.iter().any(joins);
 }
 
 /// Worlds in which some row acts.
 fn active_lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
-    L::mask_of(constraint.joint_lanes | constraint.contact_lanes)
+    L::mask_of(constraint.joint_lanes | constraint.contact_lanes | constraint.equality.lanes)
 }
 
-/// The pattern of the Hessian when all contacts act that join branches, wider than any that a step can need; `None` if
-/// there are no such contacts.
+/// The pattern of the Hessian when all contacts and equality constraints act that join branches, wider than any that a step can
+/// need; `None` if there are none.
 pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
     let joining: Vec<u32> = (0..model.pairs.len() as u32).filter(|p| model.pairs[*p as usize].cross).collect();
-    (!joining.is_empty()).then(|| {
+    fill::joins(model).then(|| {
         let mut fill = Fill::new(model);
         fill.find(model, joining.into_iter());
         fill.pattern
     })
 }
 
-/// The pattern of the Hessian: the inertia matrix's, or the filled one where contacts join branches or trees.
+/// The pattern of the Hessian: the inertia matrix's, or the filled one where rows join branches or trees.
 fn pattern<'a, L: Lane>(problem: &Problem<'a, L>, fill: &'a Fill) -> &'a Pattern {
     if problem.constraint.cross { &fill.pattern } else { &problem.model.tree_pattern }
 }

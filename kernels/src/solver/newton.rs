@@ -9,8 +9,8 @@ use crate::model::Pattern;
 /// Sets the search direction of the current iterate, and what follows from it.
 pub fn direction<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
     hessian::collect(problem, code, work);
-    // Contacts whose sides both move have more to add to the Hessian.
-    let alone = !problem.constraint.coupled;
+    // Contacts whose sides both move, and equality constraints, have more to add to the Hessian.
+    let alone = !problem.constraint.coupled && problem.constraint.equality.is_empty();
     if alone && code.solver(SolverPart::Turn, problem, &[], 0, work).is_some() {
         return;
     }

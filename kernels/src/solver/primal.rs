@@ -67,8 +67,7 @@ pub(super) fn start<L: LaneQuery>(
         depart(problem, warmstart, work);
     }
     let SolverWork { fields, y, jp, line, .. } = work;
-    let (y, cold) = (&mut y.component, &mut jp.component);
-    line.set_cold_cost(line.cold_cost() + rows::survey_apart(problem, &problem.acceleration.qacc_smooth, cold));
+    line.set_cold_cost(line.cold_cost() + rows::survey_apart(problem, &problem.acceleration.qacc_smooth, jp));
     line.set_warm_cost(line.warm_cost() + rows::survey_apart(problem, &fields.search, y));
     contact::survey_all(problem, code, work);
     let warm = match code.solver(SolverPart::Choose, problem, &[], 0, work) {
@@ -77,6 +76,7 @@ pub(super) fn start<L: LaneQuery>(
     };
     let components = problem.constraint.components;
     contact::choose(warm, &mut work.y.component[..components], &work.jp.component);
+    contact::choose(warm, &mut work.y.equality, &work.jp.equality);
 }
 
 /// Looks at the smooth acceleration, and at the same plus `warmstart`, which becomes the search direction: the motion of every

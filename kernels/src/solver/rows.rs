@@ -1,6 +1,6 @@
 //! Between dofs and rows: J x, row forces, and Jᵀ f.
 
-use super::{Problem, RowVector, Solver, SolverWork, cone, contact, edges, joints, primal};
+use super::{Problem, RowVector, Solver, SolverWork, cone, contact, edges, equality, joints, primal};
 use crate::code::{Code, SolverPart};
 use crate::constraint::{Constraint, ContactRow};
 use crate::lane::{Lane, LaneQuery, Real};
@@ -16,6 +16,7 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
         tree::twists(problem.model, &problem.position.cdof, x, twist);
     }
     joints::rates(constraint, x, &mut out.dof);
+    equality::rates(problem, x, &mut out.equality);
     of_apart(problem, x, &mut out.component);
     for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
         let range = row.components();
@@ -37,13 +38,13 @@ fn of_apart<L: Lane>(problem: &Problem<'_, L>, x: &[L], out: &mut [L]) {
     }
 }
 
-/// y = J x - a_ref of contacts between trees; returns twice their cost there.
-pub fn survey_apart<L: Lane>(problem: &Problem<'_, L>, x: &[L], y: &mut [L]) -> L {
+/// y = J x - a_ref of contacts between trees and of equality constraints; returns twice their cost there.
+pub fn survey_apart<L: Lane>(problem: &Problem<'_, L>, x: &[L], y: &mut RowVector<L>) -> L {
     let constraint = problem.constraint;
-    of_apart(problem, x, y);
-    let mut twice = L::zero();
+    of_apart(problem, x, &mut y.component);
+    let mut twice = equality::survey(problem, x, &mut y.equality);
     for row in constraint.apart() {
-        let y = &mut y[row.components()];
+        let y = &mut y.component[row.components()];
         for (y, reference) in y.iter_mut().zip(&constraint.reference[row.components()]) {
             *y += *reference;
         }
@@ -52,9 +53,11 @@ pub fn survey_apart<L: Lane>(problem: &Problem<'_, L>, x: &[L], y: &mut [L]) -> 
     twice
 }
 
-/// Of contacts: J p of the search direction p, what the line search wants to know, and their slope on a full step.
+/// Of contacts and equality constraints: J p of the search direction p, what the line search wants to know, and their slope on a
+/// full step.
 pub fn approach<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
     let constraint = problem.constraint;
+    equality::approach(problem, work);
     let SolverWork { fields, y, jp, line, .. } = work;
     of_apart(problem, &fields.search, &mut jp.component);
     for row in constraint.apart() {
@@ -64,8 +67,9 @@ pub fn approach<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, 
     contact::approach_all(problem, code, work);
 }
 
-/// Slope and curvature of contacts at the step that is tried.
+/// Slope and curvature of contacts and equality constraints at the step that is tried.
 pub fn slope<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, work: &mut SolverWork<L>) {
+    equality::slope(problem, work);
     let SolverWork { y, jp, line, .. } = work;
     for row in problem.constraint.apart() {
         let (y, v) = (&y.component[row.components()], &jp.component[row.components()]);
@@ -75,7 +79,9 @@ pub fn slope<L: LaneQuery>(problem: &Problem<'_, L>, code: &mut dyn Code<L>, wor
 }
 
 /// y = J x becomes J x - a_ref.
-pub fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut RowVector<L>) {
+pub fn add_reference<L: Lane>(problem: &Problem<'_, L>, y: &mut RowVector<L>) {
+    let constraint = problem.constraint;
+    equality::add_reference(problem, &mut y.equality);
     for (y, law) in y.dof.iter_mut().zip(constraint.dof_laws()) {
         *y += law.reference();
     }
@@ -123,8 +129,9 @@ pub fn follow<L: LaneQuery>(
         contact::follow(step, lanes, y, &jp.component[row.components()]);
         cone::force(constraint.law(row), y, &mut force.component[row.components()]);
     }
-    if constraint.between_trees {
-        pull_apart(problem, &force.component, &mut fields.pull);
+    equality::follow(problem, step, lanes, &mut y.equality, &jp.equality, &mut force.equality);
+    if constraint.by_jacobian {
+        pull_apart(problem, force, &mut fields.pull);
     }
     contact::act_all(problem, lanes, code, work);
     match code.solver(SolverPart::Gather, problem, &[], open, work) {
@@ -143,7 +150,7 @@ pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Solve
     contact::follow(line.step(), open, &mut y.dof, &jp.dof);
     of_joints(problem, &y.dof, &mut force.dof);
     let Solver { qacc, ma, search, msearch, qfrc_constraint, gradient, pull, wrench, .. } = &mut *fields;
-    if !problem.constraint.between_trees {
+    if !problem.constraint.by_jacobian {
         pull.fill(L::zero());
     }
     joints::pull(problem.constraint, &force.dof, pull);
@@ -166,7 +173,7 @@ pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Solve
 pub fn at_acceleration<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let Solver { qacc, twist, .. } = &mut work.fields;
     apply(problem, qacc, twist, &mut work.jp);
-    add_reference(problem.constraint, &mut work.jp);
+    add_reference(problem, &mut work.jp);
     work.spare.fit(problem.constraint);
     from_y(problem, &work.jp, &mut work.spare);
 }
@@ -177,6 +184,7 @@ pub fn catch_up<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
     at_acceleration(problem, work);
     let take = |old: &mut [L], new: &[L]| old.iter_mut().zip(new).for_each(|(f, g)| *f = L::select(open, *g, *f));
     take(&mut work.force.dof, &work.spare.dof);
+    take(&mut work.force.equality, &work.spare.equality);
     take(&mut work.force.component, &work.spare.component[..constraint.components]);
 }
 
@@ -184,6 +192,7 @@ pub fn catch_up<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
 pub fn from_y<L: Lane>(problem: &Problem<'_, L>, y: &RowVector<L>, force: &mut RowVector<L>) {
     let constraint = problem.constraint;
     of_joints(problem, &y.dof, &mut force.dof);
+    equality::forces(problem, &y.equality, &mut force.equality);
     for row in &constraint.contact_rows {
         cone::force(constraint.law(row), &y.component[row.components()], &mut force.component[row.components()]);
     }
@@ -201,7 +210,7 @@ pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let constraint = problem.constraint;
     let SolverWork { fields, force, touched, .. } = work;
     let Solver { qfrc_constraint, wrench, .. } = fields;
-    pull_apart(problem, &force.component, qfrc_constraint);
+    pull_apart(problem, force, qfrc_constraint);
     joints::pull(constraint, &force.dof, qfrc_constraint);
     for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
         let range = row.components();
@@ -214,13 +223,14 @@ pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     climb(problem, touched, wrench, qfrc_constraint);
 }
 
-/// Jᵀf of contacts between trees.
-fn pull_apart<L: Lane>(problem: &Problem<'_, L>, force: &[L], qfrc_constraint: &mut [L]) {
+/// Jᵀf of contacts between trees and of equality constraints.
+fn pull_apart<L: Lane>(problem: &Problem<'_, L>, force: &RowVector<L>, qfrc_constraint: &mut [L]) {
     let Problem { model, constraint, .. } = problem;
     qfrc_constraint.fill(L::zero());
+    equality::pull(problem, &force.equality, qfrc_constraint);
     for row in constraint.apart() {
         for (dof, column) in columns(model, constraint, row) {
-            for (f, j) in force[row.components()].iter().zip(column) {
+            for (f, j) in force.component[row.components()].iter().zip(column) {
                 qfrc_constraint[dof] = j.mul_add(*f, qfrc_constraint[dof]);
             }
         }
@@ -247,7 +257,7 @@ fn climb<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], wrench: &mut [Spat
 
 /// Cost of the rows at y.
 pub fn cost<L: Lane>(problem: &Problem<'_, L>, y: &RowVector<L>) -> L {
-    let mut twice = joints::twice_cost(problem, &y.dof);
+    let mut twice = joints::twice_cost(problem, &y.dof) + equality::twice_cost(problem, &y.equality);
     for row in &problem.constraint.contact_rows {
         twice += cone::twice_cost(problem.constraint.law(row), &y.component[row.components()]);
     }

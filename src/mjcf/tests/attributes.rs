@@ -63,8 +63,12 @@ fn idle(path: &[&str], attribute: &str) -> bool {
 
 /// Attributes that an element has beside the one under test (a general actuator is a servo, which heeds every one), which
 /// replaces one of the same name.
-fn base(element: &str, default: bool) -> &'static [(&'static str, &'static str)] {
+fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
+    let (element, default) = (path[path.len() - 1], path.contains(&"default"));
     match element {
+        "joint" if path.contains(&"equality") => &[("joint1", "j")],
+        "connect" => &[("body1", "a"), ("anchor", "0 0 1")],
+        "weld" => &[("body1", "a")],
         "default" => &[("class", "main")],
         "general" if default => &[("biastype", "affine"), ("gainprm", "2"), ("biasprm", "0 -2")],
         _ if default => &[],
@@ -102,7 +106,7 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
         })
     };
     let mut attributes = String::new();
-    let kept = base(element, default).iter().filter(|(name, _)| !replaced(name)).copied();
+    let kept = base(path).iter().filter(|(name, _)| !replaced(name)).copied();
     for (name, value) in kept.chain(attribute) {
         attributes += &format!(" {name}='{value}'");
     }
@@ -111,23 +115,24 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
         _ => "",
     };
     // A joint or inertia needs a body around it.
-    let needs_body = matches!(element, "joint" | "freejoint" | "inertial") && !default;
+    let needs_body = matches!(element, "joint" | "freejoint" | "inertial") && !default && !path.contains(&"equality");
     let mut text =
         if element == "mujoco" { String::new() } else { format!("<{element}{attributes}>{inside}</{element}>") };
     if needs_body {
         text = format!("<body>{text}<geom size='.1'/></body>");
     }
     for around in path[..path.len() - 1].iter().skip(1).rev() {
-        let own: String =
-            base(around, false).iter().filter(|_| *around != "default").map(|(n, v)| format!(" {n}='{v}'")).collect();
+        let own = base(&[around]).iter().filter(|_| *around != "default");
+        let own: String = own.map(|(n, v)| format!(" {n}='{v}'")).collect();
         text = format!("<{around}{own}>{text}</{around}>");
     }
     let root = if element == "mujoco" { attributes } else { String::new() };
     format!(
-        "<mujoco{root}><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/>\
+        "<mujoco{root}><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/>\
          <general gear='5'/></default></default>{text}<worldbody><geom name='h' size='1'/><body name='a'>\
          <joint name='j' range='-30 60'/><joint name='k' type='slide'/><geom name='g' size='.1' euler='10 20 30'/><site name='s'/></body></worldbody>\
-         <contact><pair geom1='g' geom2='h'/></contact><actuator><general joint='j'/></actuator></mujoco>"
+         <contact><pair geom1='g' geom2='h'/></contact><equality><joint joint1='k'/></equality>\
+         <actuator><general joint='j'/></actuator></mujoco>"
     )
 }
 
@@ -166,6 +171,7 @@ const VALUES: &[&str] = &[
     "0.1 0.2 0.3 0.4 0.5",
     "0 1 0 -1 0 0",
     "1 2 3 .1 .2 .3",
+    "1 2 3 1 0 0 0",
     "radian",
     "zyx",
     "sphere",
