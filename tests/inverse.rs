@@ -200,7 +200,7 @@ fn trajectories_are_inverted() {
     let (nworld, nstep) = (2, 3);
     let states = nworld * nstep;
     let qpos = [0.0, 0.0, 5.0, 1.0, 0.0, 0.0, 0.0].repeat(states);
-    let fall = |i: usize| if i % 6 == 2 && i / 6 % 2 == 0 { -10.0 } else { 0.0 };
+    let fall = |i: usize| if i % 6 == 2 && (i / 6).is_multiple_of(2) { -10.0 } else { 0.0 };
     let qacc: Vec<f64> = (0..6 * states).map(fall).collect();
     let inputs = BTreeMap::from([
         ("qpos".to_string(), array(&[nworld, nstep, 7], qpos)),

@@ -300,6 +300,23 @@ fn a_world_lost_between_has_its_cause() {
     }
 }
 
+/// Accelerations at intermediate states may be larger than any state may be, as long as the states that they lead to are not. A
+/// damper of z = b h / m turns a velocity v into v (1 - z + z²/2 - z³/6 + z⁴/24), and the last acceleration is 2.5e11 m/s².
+#[test]
+fn accelerations_between_may_be_huge() {
+    let model = parse(
+        "<mujoco><option integrator='RK4' timestep='0.01' gravity='0 0 0'/><worldbody><body>
+        <joint type='slide' axis='0 0 1' damping='1e5'/><geom size='.1' mass='1' contype='0' conaffinity='0'/></body></worldbody></mujoco>",
+    );
+    let mut worlds = Worlds::new(&model, 1, &options(Precision::F64, Backend::Auto)).expect("a batch");
+    worlds.set(Field::Qvel, 0, &[0.01]).expect("a state");
+    worlds.step(1).expect("a step");
+    let got = worlds.get(Field::Qvel, 0).expect("a state");
+    let z: f64 = 1e3;
+    let expected = 0.01 * (1.0 - z + z * z / 2.0 - z.powi(3) / 6.0 + z.powi(4) / 24.0);
+    assert!(agree(&got, &[expected], 1e-12, 1.0).is_ok(), "{got:?} instead of {expected}");
+}
+
 /// Every model steps by every integrator as it did in a batch that knows nothing of it: the settings are read from the model.
 #[test]
 fn integrators_are_read_from_the_model() {

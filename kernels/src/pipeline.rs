@@ -285,10 +285,20 @@ pub fn commit<L: Lane>(
     alive: L::Mask,
     state: &mut State<L>,
 ) -> L::Mask {
-    let mut good = alive;
-    for x in next.qpos.iter().chain(&next.qvel).chain(qacc) {
-        good = good & x.within(L::Real::MAXVAL);
-    }
+    let good = qacc.iter().fold(next.usable(alive), |good, a| good & a.within(L::Real::MAXVAL));
+    replace(model, next, [qacc, qacc_smooth], zero, good, state);
+    good
+}
+
+/// Replaces the state by the next one in the lanes of `good`; arguments as of [`commit`].
+pub fn replace<L: Lane>(
+    model: &Model<L::Real>,
+    next: &Integration<L>,
+    [qacc, qacc_smooth]: [&[L]; 2],
+    zero: L,
+    good: L::Mask,
+    state: &mut State<L>,
+) {
     let replace = |old: &mut [L], new: &[L]| {
         for (old, new) in old.iter_mut().zip(new) {
             *old = L::select(good, *new + zero, *old);
@@ -301,5 +311,4 @@ pub fn commit<L: Lane>(
     }
     let time = state.time[0] + L::of(model.options.timestep);
     replace(&mut state.time, &[time]);
-    good
 }

@@ -5,7 +5,7 @@ use crate::integration::{self, Rk4};
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model};
 use crate::options::Integrator;
-use crate::pipeline::{Run, Solved, Stage, Stages, commit, forward};
+use crate::pipeline::{Run, Solved, Stage, Stages, commit, forward, replace};
 use crate::solver::Solver;
 use crate::state::{BlockStatus, State, Status};
 use crate::workspace::Workspace;
@@ -55,7 +55,10 @@ pub fn advance<L: LaneQuery>(
         (Integrator::Rk4, Some(mut rk4)) => {
             solved = evaluate_between(model, state, run, status, solved, (&mut rk4, ws));
             ws.rk4 = Some(rk4);
-            commit_of(model, state, solved.lanes, ws)
+            // An acceleration on the way counts by the states to which it leads.
+            let accelerations = [&ws.solver.fields.qacc[..], &ws.acceleration.qacc_smooth];
+            replace(model, &ws.integration, accelerations, L::zero(), L::mask_of(solved.lanes), state);
+            solved.lanes
         }
         (Integrator::Implicit | Integrator::ImplicitFast, _) => {
             let forces = [&ws.acceleration.qfrc_smooth[..], &ws.solver.fields.qfrc_constraint];

@@ -60,7 +60,7 @@ def inverse(
         OptionError: `discrete` with the integrator RK4, which evaluates several states in a step.
     """
     check_model(model)
-    if discrete is not None and bool(discrete) != model.opt.invdiscrete:
+    if discrete is not None and bool(discrete) != model.opt.flags["invdiscrete"]:
         model = model.replace(invdiscrete=bool(discrete))
     given = {"qpos": (qpos, "nq"), "qvel": (qvel, "nv"), "act": (act, "na"), "ctrl": (ctrl, "nu")}
     accelerations = _arrays.numbers("qacc", qacc)

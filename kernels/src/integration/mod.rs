@@ -10,7 +10,7 @@ pub use rk4::{Rates, Rk4};
 use crate::acceleration::articulated;
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::Lane;
+use crate::lane::{Lane, Real};
 use crate::math::ldl;
 use crate::math::quat;
 use crate::model::{Instance, JointKind, Model};
@@ -39,6 +39,13 @@ fields! {
         /// The same.
         pub column: Vec<[L; 6]> = if sizes.narticulated > 0 { sizes.nv } else { 0 },
     } L
+}
+
+impl<L: Lane> Integration<L> {
+    /// The lanes of `alive` whose next state is finite and not huge.
+    pub fn usable(&self, alive: L::Mask) -> L::Mask {
+        self.qpos.iter().chain(&self.qvel).fold(alive, |good, x| good & x.within(L::Real::MAXVAL))
+    }
 }
 
 /// Next state: v⁺ = v + h a, q⁺ = q ⊕ h v⁺, with (M + h B) a = the sum of `forces` where damping is implicit, else

@@ -6,7 +6,7 @@
 
 use super::{Integration, advance};
 use crate::fields::fields;
-use crate::lane::{Lane, Mask, Real, sin_cos};
+use crate::lane::{Lane, Real, sin_cos};
 use crate::math::vec3::{cross, norm, scale_add};
 use crate::model::{JointKind, Model, Sizes};
 use crate::options::Integrator;
@@ -86,8 +86,9 @@ impl<L: Lane> Rk4<L> {
     ) -> L::Mask {
         let h = model.options.timestep;
         let Rk4 { stage, rates: Rates { rate, rates, qaccs, qpos } } = self;
-        let usable = |x: &[L]| x.iter().fold(L::Mask::splat(true), |all, x| all & x.within(L::Real::MAXVAL));
-        let good = good & usable(qacc);
+        // Of the accelerations only the first is held against the largest number, as for other integrators.
+        let judged = if part == 0 { qacc } else { &[] };
+        let good = judged.iter().fold(good, |good, a| good & a.within(L::Real::MAXVAL));
         let reached = if part == 0 { 0.0 } else { REACH[part - 1] * h };
         corrected(model, &stage.qvel, L::of(reached), rate);
         let weight = L::of(WEIGHT[part]);
@@ -104,7 +105,7 @@ impl<L: Lane> Rk4<L> {
             take(&mut out.qvel[i], L::of(reach).mul_add(*a, state.qvel[i]));
             take(&mut out.qacc[i], *a);
         }
-        let good = good & usable(&out.qpos) & usable(&out.qvel);
+        let good = out.usable(good);
         if !last {
             let take = |old: &mut [L], new: &[L]| {
                 old.iter_mut().zip(new).for_each(|(old, new)| *old = L::select(good, *new, *old));

@@ -55,7 +55,7 @@ pub fn solve<L: Lane>(
     x: &mut [L],
 ) {
     for k in range.clone().rev() {
-        x[k] = x[k] * inverse[k];
+        x[k] *= inverse[k];
         let y = x[k];
         for_each_entry(rows, pattern, upper, k, |columns, column| {
             for (x, u) in x[columns].iter_mut().zip(column) {
