@@ -33,6 +33,9 @@ impl<L: LaneQuery> Block<L> {
         for (q, q0) in state.qpos.iter_mut().zip(&model.qpos0) {
             *q = L::splat(*q0);
         }
+        for (active, active0) in state.eq_active.iter_mut().zip(&model.eq_active0) {
+            *active = L::splat(*active0);
+        }
         Block {
             state,
             status: BlockStatus::default(),
@@ -54,6 +57,7 @@ impl<L: LaneQuery> Block<L> {
             Field::Act => &mut state.act,
             Field::Ctrl => &mut state.ctrl,
             Field::QaccWarmstart => &mut state.qacc_warmstart,
+            Field::EqActive => &mut state.eq_active,
             Field::QfrcApplied | Field::XfrcApplied => {
                 let applied = self.applied.get_or_insert_with(|| Box::new(Applied::new(sizes)));
                 if field == Field::QfrcApplied {
@@ -89,6 +93,7 @@ impl<L: LaneQuery> Block<L> {
             (Field::Act, _) => numbers(&state.act),
             (Field::Ctrl, _) => numbers(&state.ctrl),
             (Field::QaccWarmstart, _) => numbers(&state.qacc_warmstart),
+            (Field::EqActive, _) => numbers(&state.eq_active),
             (Field::QfrcApplied, Some(applied)) => numbers(&applied.qfrc_applied),
             (Field::XfrcApplied, Some(applied)) => numbers(applied.xfrc_applied.as_flattened()),
             (Field::QfrcApplied, None) => out.resize(out.len() + sizes.nv, 0.0),
@@ -115,6 +120,7 @@ impl<L: LaneQuery> Block<L> {
         self.set(Field::Qvel, sizes, lane, &key.qvel);
         self.set(Field::Act, sizes, lane, &key.act);
         self.set(Field::Ctrl, sizes, lane, &key.ctrl);
+        self.set(Field::EqActive, sizes, lane, &key.eq_active);
         let mut status = self.status.lane(lane);
         status.remove(Status::FROZEN);
         self.status.set_lane(lane, status);

@@ -100,7 +100,7 @@ pub(crate) fn quoted(name: &str) -> String {
 }
 
 /// The first characters of a text that may be long or hold control characters, for messages.
-pub(crate) fn shorten(text: &str) -> String {
+pub fn shorten(text: &str) -> String {
     const MOST: usize = 40;
     let mut out: String = text.chars().take(MOST).map(|c| if c.is_control() { ' ' } else { c }).collect();
     if text.chars().nth(MOST).is_some() {

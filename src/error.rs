@@ -26,7 +26,7 @@ pub enum Error {
     },
     /// More memory than the limit.
     #[error(
-        "{what} would take {} of memory, the limit is {}; ask for fewer {fewer}, or raise the limit with max_memory",
+        "{what} would take {} of memory, the limit is {}; ask for fewer {fewer}, or raise the limit, max_memory (--max-memory)",
         gigabytes(*bytes),
         gigabytes(*limit)
     )]

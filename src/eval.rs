@@ -20,8 +20,16 @@ enum Request {
 }
 
 /// Inputs that may be given, by name.
-const INPUTS: [Field; 7] =
-    [Field::Time, Field::Qpos, Field::Qvel, Field::Act, Field::Ctrl, Field::QfrcApplied, Field::XfrcApplied];
+const INPUTS: [Field; 8] = [
+    Field::Time,
+    Field::Qpos,
+    Field::Qvel,
+    Field::Act,
+    Field::Ctrl,
+    Field::EqActive,
+    Field::QfrcApplied,
+    Field::XfrcApplied,
+];
 
 /// Evaluates `fields` for the states in `inputs` (arrays `[N, ...]`; none at all: one world in the reference
 /// configuration), after `nstep` steps. Outputs have a leading `[N]`; those whose length differs between worlds are padded

@@ -1,4 +1,50 @@
 //! A data-oriented SIMD batch simulator for articulated bodies with contact.
+//!
+//! A [`Model`] is compiled once from MJCF, MuJoCo's model format, and shared read-only. [`Worlds`] is a batch of its states, all
+//! of which go through the same steps: side by side in the lanes of the processor, and on all its cores. A world's numbers
+//! never depend on what else is in the batch. [`Worlds::rollout`] takes controls in and gives trajectories out:
+//!
+//! ```
+//! use lanesim::outputs::Output;
+//! use lanesim::{Controls, Field, Model, Options, Rollout, Worlds};
+//!
+//! let pendulum = "<mujoco>
+//!   <worldbody>
+//!     <body>
+//!       <joint name='pivot' axis='0 1 0' damping='0.1'/>
+//!       <geom type='capsule' fromto='0 0 0 0 0 -1' size='0.05'/>
+//!     </body>
+//!   </worldbody>
+//!   <actuator><motor joint='pivot' ctrlrange='-1 1'/></actuator>
+//! </mujoco>";
+//! let model = Model::from_xml_string(pendulum, &Default::default())?;
+//!
+//! // 64 pendulums, which start at different angles.
+//! let mut worlds = Worlds::new(&model, 64, &Options::default())?;
+//! for world in 0..worlds.nworld() {
+//!     worlds.set(Field::Qpos, world, &[world as f64 * 0.05])?;
+//! }
+//!
+//! // 100 steps with controls of each world's own, [nworld, nstep, nu]; angles come back, [nworld, nstep, nq].
+//! let controls = vec![0.5; 64 * 100];
+//! let outputs = [Output::named("qpos")?];
+//! let rollout = Rollout { nstep: 100, controls: Controls::Given(&controls), outputs: &outputs, ..Rollout::default() };
+//! let trajectories = worlds.rollout(&rollout)?;
+//! assert_eq!(trajectories.outputs[0].len(), 64 * 100);
+//!
+//! // A world that diverges is frozen and flagged; the others do not notice.
+//! assert_eq!(worlds.lost(), 0);
+//! # Ok::<(), lanesim::Error>(())
+//! ```
+//!
+//! | to | see |
+//! |---|---|
+//! | read a model, and learn what is in it | [`Model`], [`mjcf`], [`Spec`] |
+//! | choose precision, backend, threads, and what becomes of worlds that diverge | [`Options`] |
+//! | read and write states | [`Field`], [`Worlds::get_all`], [`Worlds::write_all`] |
+//! | give worlds masses, gains or friction of their own | [`Parameter`], [`Worlds::set_parameter`] |
+//! | record what steps compute, by MuJoCo's names | [`outputs`] |
+//! | evaluate many states once | [`mod@eval`] |
 
 mod batch;
 mod block;
@@ -9,7 +55,8 @@ pub mod diagnostics;
 pub mod error;
 pub mod eval;
 mod group;
-mod memory;
+pub mod inverse;
+pub mod memory;
 pub mod mjcf;
 pub mod model;
 mod native;

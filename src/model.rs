@@ -125,6 +125,8 @@ pub struct ElementNames {
     pub geoms: Names,
     /// Sites.
     pub sites: Names,
+    /// Equality constraints.
+    pub equalities: Names,
     /// Actuators.
     pub actuators: Names,
     /// Keyframes.
@@ -178,6 +180,8 @@ pub struct Key {
     pub mpos: Vec<f64>,
     /// Orientations of mocap bodies.
     pub mquat: Vec<f64>,
+    /// Whether each equality constraint is active, 1 or 0: as the model has it.
+    pub eq_active: Vec<f64>,
 }
 
 /// An array of the model as MuJoCo has it, dense, row-major.
@@ -301,6 +305,7 @@ impl Model {
             qvel: vec![0.0; sizes.nv],
             act: vec![0.0; sizes.na],
             ctrl: vec![0.0; sizes.nu],
+            eq_active: self.tables().eq_active0.clone(),
             ..Key::default()
         }
     }

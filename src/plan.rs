@@ -1,7 +1,9 @@
 //! Which stages a run needs, from the model and the outputs that are asked for, and what is left out and why.
 
 use lanesim_kernels::model::JointKind;
+use lanesim_kernels::options::Integrator;
 use lanesim_kernels::stage::{Stage, Stages};
+use lanesim_kernels::{derivative, inverse};
 
 use crate::model::Model;
 use crate::outputs::Output;
@@ -47,6 +49,11 @@ impl Plan {
         }
     }
 
+    /// For inverse dynamics: up to the rows of the constraints, without a solver.
+    pub fn inverse() -> Plan {
+        Plan { stages: inverse::stages(), residual: false, derived: true }
+    }
+
     /// What runs for the model, and what does not and why.
     pub fn parts(&self, model: &Model) -> Vec<Part> {
         Stage::ALL.into_iter().flat_map(|(stage, name)| self.parts_of(model, stage, name)).collect()
@@ -90,6 +97,16 @@ impl Plan {
             Stage::Constraint => vec![
                 part(name, tables.constrained(), "rows that act in some world of a block".into(), "nothing constrains"),
                 count(
+                    "  equality",
+                    tables.equalities.len(),
+                    "equality constraints, by kernels",
+                    unless(
+                        flags.equality && flags.constraint,
+                        "equality constraints are switched off",
+                        "no equality constraint",
+                    ),
+                ),
+                count(
                     "  limits",
                     tables.limits.len(),
                     "joints",
@@ -132,14 +149,29 @@ impl Plan {
                 part("  residual", self.residual, "of the solution".into(), "no output that was asked for needs it"),
             ],
             Stage::Integration => vec![
-                part(name, true, format!("{:?}", tables.options.integrator), ""),
+                part(name, true, tables.options.integrator.to_string(), ""),
                 part(
                     "  implicit damping",
                     features.implicit_damping,
                     if features.articulated { "articulated bodies of its own" } else { "a factor of its own" }.into(),
-                    "no dof is damped, or eulerdamp is switched off",
+                    unless(
+                        tables.options.integrator == Integrator::Euler,
+                        "the integrator is not Euler",
+                        "no dof is damped, or eulerdamp is switched off",
+                    ),
                 ),
             ],
+            Stage::Derivative => vec![part(
+                name,
+                Stage::Derivative.present(tables),
+                if derivative::of_bias(tables) {
+                    "of passive, actuator and bias forces"
+                } else {
+                    "of passive and actuator forces"
+                }
+                .into(),
+                "the integrator is not implicit",
+            )],
             Stage::Acceleration if features.articulated => {
                 vec![part(name, true, format!("{} dofs, by articulated bodies", sizes.nv), "")]
             }

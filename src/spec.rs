@@ -5,9 +5,12 @@
 //! kept in the order in which they were written. `compile` turns a `Spec` into a [`Model`](crate::Model) and is the only
 //! place that rejects one.
 
+mod equality;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+pub use equality::{Equality, Held};
 pub use lanesim_kernels::options::Options;
 
 /// Where an element was written, for diagnostics. Elements built from code have the default: no file, line 0.
@@ -66,6 +69,8 @@ pub struct Spec {
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms do not collide.
     pub excludes: Vec<Exclude>,
+    /// Equality constraints.
+    pub equalities: Vec<Equality>,
     /// Actuators.
     pub actuators: Vec<Actuator>,
     /// Keyframes.

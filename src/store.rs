@@ -121,6 +121,7 @@ impl<L: LaneQuery> Store<L> {
             (Field::Act, sizes.na),
             (Field::Ctrl, sizes.nu),
             (Field::QaccWarmstart, sizes.nv),
+            (Field::EqActive, sizes.neq),
         ];
         for (known, n) in fields {
             if known == field {

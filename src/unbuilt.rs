@@ -36,9 +36,17 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
     });
     let integrator = format!("integrator {} is", o.integrator);
     let euler = "set integrator=\"Euler\"";
-    add(o.integrator != Integrator::Euler, "option", "integrator", integrator, euler, "Euler is used instead", |o| {
-        o.integrator = Integrator::Euler;
-    });
+    add(
+        o.integrator == Integrator::Discrete,
+        "option",
+        "integrator",
+        integrator,
+        euler,
+        "Euler is used instead",
+        |o| {
+            o.integrator = Integrator::Euler;
+        },
+    );
     let f = &o.flags;
     let flag = |name: &str, what: &str| format!("{name}: {what}");
     let sleep = flag("sleep", "sleeping trees are");

@@ -102,7 +102,7 @@ impl Default for Options {
 pub struct CodePart {
     /// Name.
     pub name: String,
-    /// Figures; `None`: straight-line code would be too large, and the kernels do it.
+    /// Figures; `None`: straight-line code would be too large, or there is none for such rows, and the kernels do it.
     pub statistics: Option<Statistics>,
     /// The instructions, one a line.
     pub disassembly: Option<String>,
@@ -170,6 +170,8 @@ pub enum Field {
     Ctrl,
     /// Start of the solver, what constraints added to the smooth acceleration in the last step: `nv`.
     QaccWarmstart,
+    /// Whether each equality constraint is active: `neq`, 1 or 0.
+    EqActive,
     /// Generalised forces from outside: `nv`.
     QfrcApplied,
     /// Forces and torques on bodies from outside: `nbody` × (force, torque), world axes, at the centre of mass.
@@ -181,13 +183,14 @@ impl Field {
     pub const STATE: [Field; 4] = [Field::Time, Field::Qpos, Field::Qvel, Field::Act];
 
     /// All fields, with MuJoCo's names.
-    pub const ALL: [(Field, &'static str); 8] = [
+    pub const ALL: [(Field, &'static str); 9] = [
         (Field::Time, "time"),
         (Field::Qpos, "qpos"),
         (Field::Qvel, "qvel"),
         (Field::Act, "act"),
         (Field::Ctrl, "ctrl"),
         (Field::QaccWarmstart, "qacc_warmstart"),
+        (Field::EqActive, "eq_active"),
         (Field::QfrcApplied, "qfrc_applied"),
         (Field::XfrcApplied, "xfrc_applied"),
     ];
@@ -206,6 +209,7 @@ impl Field {
             Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => sizes.nv,
             Field::Act => sizes.na,
             Field::Ctrl => sizes.nu,
+            Field::EqActive => sizes.neq,
             Field::XfrcApplied => 6 * sizes.nbody,
         }
     }
@@ -301,7 +305,7 @@ impl Worlds {
         self.engine.nworld()
     }
 
-    /// Number of worker threads.
+    /// Number of threads that step, of which the caller's is one.
     pub fn threads(&self) -> usize {
         self.engine.threads()
     }
@@ -336,6 +340,12 @@ impl Worlds {
                 "{}[{i}] of world {world} is {x}; expected a finite number",
                 field.name()
             )));
+        }
+        if field == Field::EqActive
+            && let Some(i) = values.iter().position(|x| ![0.0, 1.0].contains(x))
+        {
+            let x = values[i];
+            return Err(Error::Input(format!("{}[{i}] of world {world} is {x}; expected 0 or 1", field.name())));
         }
         self.engine.set(field, world, values);
         Ok(())
@@ -534,6 +544,7 @@ impl Worlds {
             (Precision::F32, false) => Batch::<f32x16>::memory_of(model),
         }
     }
+
     /// 64-bit hash of the final positions and velocities, in the order of worlds: equal for equal bits.
     pub fn state_hash(&self) -> u64 {
         self.engine.state_hash()

@@ -83,9 +83,41 @@ fn assert_idle_threads_take_nothing() {
     assert!(many < 4 * one, "{one} bytes with one thread, {many} with 64");
 }
 
+/// What threads work in is counted before it is allocated: due times of bounding tests, what acceleration of sweeps remembers,
+/// forces of edges, and what evaluates stiff worlds of single precision.
+fn assert_scratch_is_counted() {
+    let balls: String = (0..48)
+        .map(|i| format!("<body pos='{} 0 .099'><freejoint/><geom size='.1'/></body>", 0.3 * f64::from(i)))
+        .collect();
+    for (precision, solver, friction) in
+        [(Precision::F64, "Newton", "1"), (Precision::F64, "PGS", "1"), (Precision::F32, "Newton", "1e-4")]
+    {
+        let text = format!(
+            "<mujoco><option solver='{solver}'/><default><geom friction='{friction}'/></default><worldbody>\
+             <geom type='plane' size='9 9 1'/>{balls}</worldbody></mujoco>"
+        );
+        let model = Model::from_xml_string(&text, &Default::default()).expect("a model");
+        let options = Options { threads: Some(1), ..options(precision, Backend::Wide) };
+        let (world, thread) = Worlds::memory_of(&model, &options);
+        let region = Region::new(ALLOCATOR);
+        let mut worlds = Worlds::new(&model, 1, &options).expect("a batch");
+        worlds.step(3).expect("steps");
+        let change = region.change();
+        let taken = change.bytes_allocated - change.bytes_deallocated;
+        println!("{precision:?} {solver}: {taken} of {thread} + 16 * {world} bytes");
+        // Beside it there are lists of the batch, and of single precision the model's tables.
+        let tables = if precision == Precision::F32 { 400 * model.tables().pairs.len() } else { 0 };
+        assert!(
+            taken < thread + 16 * world + 40_000 + tables,
+            "{precision:?} {solver}: {taken} bytes, {thread} counted"
+        );
+    }
+}
+
 /// One test, so that no other allocates meanwhile.
 #[test]
 fn steps_do_not_allocate() {
+    assert_scratch_is_counted();
     for name in all_models().iter().filter(|name| name.starts_with("zoo/")) {
         let model = load(name);
         assert_silent(name, &model, &options(Precision::F32, Backend::Auto));
@@ -94,6 +126,10 @@ fn steps_do_not_allocate() {
         let model = support::load_with("zoo/ant", &[(option, value), ("iterations", "20")]);
         let reset = Options { on_diverge: OnDiverge::Reset { key: None }, ..options(Precision::F64, Backend::Auto) };
         assert_silent(&format!("ant with {option}={value}"), &model, &reset);
+    }
+    for (model, integrator) in [("zoo/ant", "RK4"), ("zoo/humanoid18", "implicit"), ("unit/rk4", "implicitfast")] {
+        let model = support::load_with(model, &[("integrator", integrator)]);
+        assert_silent(integrator, &model, &options(Precision::F32, Backend::Auto));
     }
     assert_parameters_are_silent();
     assert_events_are_silent();

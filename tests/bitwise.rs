@@ -242,6 +242,24 @@ fn every_solver_and_cone() {
     }
 }
 
+/// Other integrators do, too: those that evaluate several states in a step, and those that are implicit.
+#[test]
+fn every_integrator() {
+    let ids: Vec<usize> = (0..DIFFERENT).collect();
+    for integrator in ["RK4", "implicitfast", "implicit"] {
+        for name in ["zoo/humanoid27", "zoo/chain31", "zoo/box_stack", "unit/rk4"] {
+            let model = load_with(name, &[("integrator", integrator)]);
+            for precision in PRECISIONS {
+                let alone = run(&model, &ids, 2 * SHORT, &options(precision, Backend::Scalar, 2));
+                for engine in engines(precision, 2) {
+                    let got = run(&model, &ids, 2 * SHORT, &engine);
+                    assert_same(&format!("{name} {integrator} {engine:?}"), &ids, &got, &alone);
+                }
+            }
+        }
+    }
+}
+
 /// Systems whose bodies touch in heaps: large islands, and far more dofs than a tree has.
 #[test]
 fn large_islands() {
@@ -285,13 +303,18 @@ fn overflowing_worlds() {
 /// way: every world's outputs, status and detail are its own.
 #[test]
 fn worlds_that_change_places() {
+    for integrator in ["Euler", "RK4", "implicit"] {
+        change_places(&load_with("zoo/ant", &[("integrator", integrator)]));
+    }
+}
+
+fn change_places(model: &Model) {
     const WORLDS: usize = 300;
-    let model = load("zoo/ant");
     let nbody = model.tables().sizes.nbody;
     let ids: Vec<usize> = (0..WORLDS).collect();
     for precision in PRECISIONS {
         let prepare = |options: &Options| {
-            let mut worlds = batch(&model, &ids, options);
+            let mut worlds = batch(model, &ids, options);
             for world in 0..WORLDS {
                 let mut forces = vec![0.0; 6 * nbody];
                 forces[6] = if world % 37 == 5 { 1e9 } else { (world % 7) as f64 };

@@ -403,11 +403,13 @@ fn every_golden_has_a_model() {
 /// What the goldens must exercise: a model, and the least number of contacts and rows that some state of it has.
 #[test]
 fn goldens_hold_what_models_are_for() {
-    const LEAST: [(&str, usize, usize); 39] = [
+    const LEAST: [(&str, usize, usize); 44] = [
         ("zoo/ant", 4, 20),
         ("zoo/hopper", 2, 8),
         ("zoo/cheetah", 2, 8),
         ("zoo/humanoid18", 6, 24),
+        ("zoo/four_bar", 0, 3),
+        ("zoo/closed_chain", 0, 15),
         ("zoo/humanoid27", 4, 16),
         ("unit/ball_limit", 0, 1),
         ("unit/box_box", 4, 16),
@@ -421,6 +423,9 @@ fn goldens_hold_what_models_are_for() {
         ("unit/contact_override", 3, 12),
         ("unit/contact_self", 2, 8),
         ("unit/contact_trees", 6, 24),
+        ("unit/equality_connect", 0, 12),
+        ("unit/equality_joint", 0, 5),
+        ("unit/equality_weld", 0, 24),
         ("unit/exclude", 4, 16),
         ("unit/filterparent", 1, 4),
         ("unit/frictionloss", 0, 2),

@@ -49,6 +49,22 @@ fn a_model_without_contacts_takes_memory_in_proportion_to_its_bodies() {
     assert!(start.elapsed() < Duration::from_secs(5));
 }
 
+/// The actuators of a large model each took as long as the whole model is large: a minute here, hours for larger ones.
+#[test]
+fn many_actuators_on_many_bodies_compile_in_time() {
+    let arm = "<body name='a' pos='.1 0 0'><joint name='j'/><geom size='.1'/></body>";
+    for (count, frame) in [(60000, ""), (5000, "<freejoint/><geom size='.1'/>")] {
+        let text = format!(
+            "<mujoco><worldbody><body>{frame}<replicate count='{count}' offset='.3 0 .1'>{arm}</replicate></body></worldbody>
+            <default><geom contype='0' conaffinity='0'/></default><actuator><motor joint='j'/></actuator></mujoco>"
+        );
+        let begin = Instant::now();
+        let model = Model::from_xml_string(&text, &Default::default()).expect("a model");
+        assert!(model.sizes().contains(&("nu", count)), "{:?}", model.sizes());
+        assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", begin.elapsed());
+    }
+}
+
 #[test]
 fn fields_beyond_the_limit_are_an_error() {
     let model = load("zoo/ant");

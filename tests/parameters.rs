@@ -293,8 +293,10 @@ fn each_parameter_may_vary_alone() {
 }
 
 #[test]
-fn whatever_the_solver_and_the_cone() {
-    for text in ["solver='PGS'", "solver='CG'", "cone='elliptic'", "cone='elliptic' noslip_iterations='3'"] {
+fn whatever_the_solver_the_cone_and_the_integrator() {
+    let solvers = ["solver='PGS'", "solver='CG'", "cone='elliptic'", "cone='elliptic' noslip_iterations='3'"];
+    let integrators = ["integrator='RK4'", "integrator='implicitfast'", "integrator='implicit'"];
+    for text in solvers.into_iter().chain(integrators) {
         for backend in [Backend::Wide, Backend::Native] {
             assert_compiled(&all(), text, &options(Precision::F64, backend));
         }

@@ -47,7 +47,7 @@ fn every_shell_command_of_the_readme_runs() {
         script += &line.replace("cargo run --release --", "target/release/lanesim");
         script += "\n";
     }
-    for command in ["check", "info", "rollout", "eval", "bench"] {
+    for command in ["check", "info", "rollout", "eval", "inverse", "bench"] {
         assert!(script.contains(&format!("lanesim {command} ")), "the README does not show {command}");
     }
     let out = Command::new("sh").arg("-c").arg(&script).current_dir(&folder).output().unwrap();

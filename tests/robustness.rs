@@ -56,6 +56,27 @@ fn neighbours_of_a_bad_world_keep_their_bits() {
     }
 }
 
+/// The longest of capsules, whose inertia single precision cannot tell from singular: the accelerations are not numbers, and
+/// which of them code has folded away is no matter of the event.
+#[test]
+fn events_of_a_singular_inertia_are_those_of_every_backend() {
+    let model = parse(
+        "<mujoco><worldbody><geom type='plane' size='5 5 .1' pos='1 -2 .5' euler='15 -10 0'/>
+        <body pos='1.1 -2 .8' euler='15 25 35'><freejoint/><geom type='capsule' size='.06 150000'/></body>
+        </worldbody></mujoco>",
+    );
+    let of = |backend| {
+        let mut worlds = Worlds::new(&model, 3, &options(Precision::F32, backend)).expect("a batch");
+        worlds.step(2).expect("frozen worlds are no error");
+        detail(&worlds, 1)
+    };
+    let expected = of(Backend::Scalar);
+    assert_eq!(expected.iter().map(|event| event.element).collect::<Vec<_>>(), [Element::Dof(5); 3], "{expected:?}");
+    for backend in [Backend::Native, Backend::Wide] {
+        assert_eq!(of(backend), expected, "{backend:?}");
+    }
+}
+
 #[test]
 fn the_first_occurrence_is_kept_with_its_element() {
     let model = load("zoo/ant");

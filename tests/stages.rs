@@ -11,12 +11,13 @@ use lanesim_kernels::fields::FieldView;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::math::{ldl, spatial};
 use lanesim_kernels::model::{JointKind, Model as Tables, NONE};
+use lanesim_kernels::options::Integrator;
 use lanesim_kernels::part::{Executor, Kernels, Op, Part, Step};
-use lanesim_kernels::pipeline::{self, Run, Stage, Stages};
+use lanesim_kernels::pipeline::{Run, Stage, Stages};
 use lanesim_kernels::position::{Position, kinematics};
 use lanesim_kernels::state::{BlockStatus, State};
 use lanesim_kernels::workspace::Workspace;
-use lanesim_kernels::{inertia, integration, position, velocity};
+use lanesim_kernels::{inertia, integration, position, step, velocity};
 use std::sync::Arc;
 use support::{Random, all_models, assert_agree, load, load_with};
 use wide::{f32x16, f64x8};
@@ -53,21 +54,27 @@ fn state<L: LaneQuery>(model: &Tables<L::Real>, worlds: &[World]) -> State<L> {
 
 /// One step and the energy before it, with everything that they leave in the workspace.
 fn step<L: LaneQuery>(model: &Tables<L::Real>, state: &State<L>, ws: &mut Workspace<L>) {
-    step_by(&mut Kernels, model, state, ws);
+    step_by(&mut Kernels, model, state, ws, true);
 }
 
+/// The step, or only what it begins with.
 fn step_by<L: LaneQuery>(
     executor: &mut dyn Executor<L>,
     model: &Tables<L::Real>,
     state: &State<L>,
     ws: &mut Workspace<L>,
+    whole: bool,
 ) {
     let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
     let (convex, stages) = (&SupportCollider, Stages::up_to(Stage::Energy));
     let (residual, keep) = (false, true);
     let mut run =
         Run { applied: None, varied: None, clock: None, max_contacts: 1024, convex, stages, residual, executor, keep };
-    pipeline::step(model, &mut state.clone(), &mut run, &mut status, ws);
+    let mut state = state.clone();
+    let solved = step::evaluate(model, &mut state, &mut run, &mut status, ws);
+    if whole {
+        step::advance(model, &mut state, &mut run, &mut status, solved, ws);
+    }
 }
 
 /// Calls `f` with stage and field of everything in the workspace.
@@ -79,21 +86,31 @@ fn each_field<L: LaneQuery>(ws: &mut Workspace<L>, f: &mut dyn FnMut(&'static st
     ws.passive.for_each(&mut |field| f("passive", field));
     ws.actuation.for_each(&mut |field| f("actuation", field));
     ws.acceleration.for_each(&mut |field| f("acceleration", field));
+    ws.derivative.for_each(&mut |field| f("derivative", field));
     ws.solver.fields.for_each(&mut |field| f("solver", field));
     ws.integration.for_each(&mut |field| f("integration", field));
     ws.energy.for_each(&mut |field| f("energy", field));
+    if let Some(rk4) = &mut ws.rk4 {
+        rk4.stage.for_each(&mut |field| f("rk4", field));
+        rk4.rates.for_each(&mut |field| f("rk4", field));
+    }
 }
 
 /// Whether a stage writes a field of this model at every step. The solver's fields but these two are its scratch.
 fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
-    if !present(model, stage) {
+    // Scratch.
+    if stage == "rk4" || !present(model, stage) {
         return false;
     }
     match (stage, field) {
+        // Of trees with a derivative of the bias force.
+        ("derivative", "upper" | "turn" | "gain") => model.options.integrator == Integrator::Implicit,
         ("solver", _) => ["qacc", "qfrc_constraint"].contains(&field),
         ("acceleration", "residual" | "twist") | (_, "multipliers") => false,
         // Poses of geoms wait until a pair needs them.
         ("collision", "pos" | "axis") => false,
+        // When pairs are tested again within a step depends on neighbours.
+        ("collision", _) if model.options.integrator == Integrator::Rk4 => false,
         // They tell of steps before, too.
         ("collision", "way" | "blur" | "stir" | "travel" | "due" | "gaps") => false,
         ("passive", "qfrc_gravcomp") => model.features.gravcomp,
@@ -111,6 +128,9 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
 
 /// Whether the model has anything for a stage to do.
 fn present<T: Real>(model: &Tables<T>, stage: &str) -> bool {
+    if stage == "rk4" {
+        return model.options.integrator == Integrator::Rk4;
+    }
     let found = Stage::ALL.iter().find(|(_, name)| *name == stage);
     found.unwrap_or_else(|| panic!("no stage {stage}")).0.present(model)
 }
@@ -221,7 +241,7 @@ fn check_contacts<L: LaneQuery>(
     used: &mut Workspace<L>,
 ) {
     let mut fresh = Workspace::new(tables);
-    step_by(executor, tables, state, used);
+    step_by(executor, tables, state, used, true);
     step(tables, state, &mut fresh);
     assert_eq!(used.collision.slots, fresh.collision.slots, "{name}");
     for (a, b) in used.collision.contacts().zip(fresh.collision.contacts()) {
@@ -284,7 +304,7 @@ fn far_pairs_are_not_missed_f32() {
 fn forward(model: &Model, world: &World) -> Workspace<f64> {
     let tables = model.tables();
     let mut ws = Workspace::new(tables);
-    step(tables, &state::<f64>(tables, std::slice::from_ref(world)), &mut ws);
+    step_by(&mut Kernels, tables, &state::<f64>(tables, std::slice::from_ref(world)), &mut ws, false);
     ws
 }
 

@@ -113,22 +113,24 @@ pub fn element<L: LaneQuery>(
     let (next, smooth) = (&ws.integration, &ws.acceleration.qacc_smooth);
     // A wild lane has no other acceleration.
     let qacc = if holds(wild(smooth)) { smooth } else { &ws.solver.fields.qacc };
+    let singular = || {
+        // Too small a pivot was replaced by the least.
+        let clamped = |i: usize| {
+            let diagonal = ws.inertia.m.get(model.rows.diagonal(i)).copied().unwrap_or(L::zero());
+            L::one() / ldl::least_pivot(if model.features.articulated { L::zero() } else { diagonal })
+        };
+        let pivots = &ws.acceleration.inverse;
+        dof((0..pivots.len()).rev().find(|i| holds(pivots[*i].ge(clamped(*i)))))
+    };
     let found = match status {
-        Status::NON_FINITE_ACC => dof(first(smooth, &not_finite)),
+        // Where both happen, that was the cause. What comes of it is not the same number in every backend.
+        Status::NON_FINITE_ACC => singular().or_else(|| dof(first(smooth, &not_finite))),
         Status::HUGE_VALUE => {
             let moves = dof(first(qacc, &huge)).or_else(|| dof(first(&next.qvel, &huge)));
             moves.or_else(|| joint_of(first(&next.qpos, &huge)))
         }
         Status::BAD_CTRL => first(&state.ctrl, &huge).map(|u| Element::Actuator(u as u32)),
-        Status::SINGULAR_INERTIA => {
-            // Too small a pivot was replaced by the least.
-            let clamped = |i: usize| {
-                let diagonal = ws.inertia.m.get(model.rows.diagonal(i)).copied().unwrap_or(L::zero());
-                L::one() / ldl::least_pivot(if model.features.articulated { L::zero() } else { diagonal })
-            };
-            let pivots = &ws.acceleration.inverse;
-            dof((0..pivots.len()).rev().find(|i| holds(pivots[*i].ge(clamped(*i)))))
-        }
+        Status::SINGULAR_INERTIA => singular(),
         Status::CONTACT_OVERFLOW => {
             let collision = &ws.collision;
             let last = collision.contacts().rposition(|contact| holds(contact.dist().lt(L::of(L::Real::MAXVAL))));

@@ -1,4 +1,4 @@
-//! Worlds whose contacts are so stiff that single precision would lose the inertia beside them: double precision finds their
+//! Worlds whose contacts or equality constraints are so stiff that single precision would lose the inertia beside them: double precision finds their
 //! acceleration.
 //!
 //! A row of a pyramid has D ~ 1/μ². Where that is many thousand times the inertia that it meets, as for low friction or an
@@ -7,21 +7,26 @@
 //! operations brings back digits that y and J do not have. So such worlds are gathered from their block, whoever their neighbours
 //! are, and the same kernels evaluate them from the state on, with twice the digits.
 
+use std::ops::Range;
+
 use ::wide::f64x8;
 
 use crate::collision::ConvexCollider;
-use crate::constraint::{Cone, Constraint, ContactRow};
+use crate::constraint::{Cone, Constraint, ContactRow, DofRow, DofRowKind, cone};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
-use crate::model::{Cast, Model, Varied};
+use crate::model::{Cast, Model, Pair, Varied};
 use crate::part::Kernels;
 use crate::pipeline::{self, Run, Stage, Stages};
-use crate::solver::SolverWork;
-use crate::state::{Applied, BlockStatus, State};
+use crate::state::{Applied, BlockStatus, State, state_len};
 use crate::workspace::Workspace;
 
 /// Largest ratio of a pyramid row's D to the inertia that it meets which single precision bears: errors of an acceleration reach
 /// 1e-4 of it at a few times as much.
 const BEARABLE: f64 = 4000.0;
+
+/// The same for an equality constraint. Less, since a loop may be closed several times over, and pulls at the whole length of a
+/// chain: on a ring of thirteen dofs closed thrice errors reach 2e-4 of the acceleration at a ratio of 100, 8e-3 at 1000.
+const BEARABLE_EQUALITY: f64 = 250.0;
 
 /// Worlds that are evaluated together.
 const WIDTH: usize = <f64x8 as LaneQuery>::WIDTH;
@@ -51,7 +56,7 @@ pub struct Given<'a, L> {
     pub keep: bool,
 }
 
-/// Worlds of a block in which a contact is stiffer than single precision bears.
+/// Worlds of a block in which a contact or an equality constraint is stiffer than single precision bears.
 pub fn lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
     let mut found = L::Mask::splat(false);
     if L::Real::EPSILON < 1e-10 {
@@ -61,7 +66,18 @@ pub fn lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
         let law = constraint.law(row);
         found = found | (law.d().gt(L::zero()) & law.swamping().gt(L::of(BEARABLE)));
     }
-    found
+    found | constraint.equality.swamping.gt(L::of(BEARABLE_EQUALITY))
+}
+
+/// Bytes that evaluation in double precision takes once a world needs it, of a model whose workspace has `own`: its workspace
+/// has as many numbers.
+pub fn bytes<L: Lane>(model: &Model<L::Real>, own: usize) -> usize {
+    let mut cones = model.pairs.iter().map(|pair| cone(model, pair));
+    if L::Real::EPSILON < 1e-10 || cones.all(|cone| cone != Cone::Pyramid) {
+        return 0;
+    }
+    let numbers = (own / size_of::<L>()).saturating_add(state_len::<f64x8>(&model.sizes));
+    numbers.saturating_mul(size_of::<f64x8>()).saturating_add(model.pairs.len() * size_of::<Pair<f64>>())
 }
 
 /// Finds smooth and constrained accelerations and forces of the worlds of `open`, and what rows do where that is asked for.
@@ -111,6 +127,7 @@ impl Double {
         widen(&state.act, &mut own.act);
         widen(&state.ctrl, &mut own.ctrl);
         widen(&state.qacc_warmstart, &mut own.qacc_warmstart);
+        widen(&state.eq_active, &mut own.eq_active);
         if let Some(applied) = given.applied {
             let own = self.applied.get_or_insert_with(|| Applied::new(sizes));
             widen(&applied.qfrc_applied, &mut own.qfrc_applied);
@@ -158,35 +175,47 @@ impl Double {
         to.block_niter = to.block_niter.max(own.block_niter);
     }
 
-    /// Hands out what rows do. The lists may differ by rows that only just act: these have no force here, or none there.
+    /// Hands out what rows do. The lists are in one order, but may differ by rows that only just act: these have no force here,
+    /// or none there.
     fn scatter_rows<L: LaneQuery>(&self, group: &[usize], to: &mut Workspace<L>) {
         let narrow = |from: &[f64x8], to: &mut [L]| narrow(group, from, to);
         let (own, zero) = (&self.workspace, [f64x8::zero(); 10]);
+        let mut known = own.constraint.dof_rows.iter().zip(&own.solver.force.dof).peekable();
         for (row, force) in to.constraint.dof_rows.iter().zip(&mut to.solver.force.dof) {
-            let place = own.constraint.dof_rows.iter().position(|own| own == row);
-            let from = place.map_or(&zero[0], |place| &own.solver.force.dof[place]);
+            while known.next_if(|(own, _)| order(own) < order(row)).is_some() {}
+            let from = known.next_if(|(own, _)| *own == row).map_or(&zero[0], |(_, force)| force);
             narrow(std::slice::from_ref(from), std::slice::from_mut(force));
         }
+        narrow(&own.solver.force.equality, &mut to.solver.force.equality);
         let key = |slot: &crate::collision::Slot| (slot.pair, slot.point);
+        let mut known = with_edges(&own.constraint.contact_rows).peekable();
         let mut at = 0;
         for row in &to.constraint.contact_rows {
             let slot = key(&to.collision.slots[row.contact as usize]);
-            let of_slot = |own_row: &&ContactRow| key(&own.collision.slots[own_row.contact as usize]) == slot;
-            let found = own.constraint.contact_rows.iter().find(of_slot);
-            let forces = found.map_or(&zero[..], |found| &own.solver.force.component[found.components()]);
+            let own_slot = |own_row: &ContactRow| key(&own.collision.slots[own_row.contact as usize]);
+            while known.next_if(|(own, _)| own_slot(own) < slot).is_some() {}
+            let found = known.next_if(|(own, _)| own_slot(own) == slot);
+            let forces = found.as_ref().map_or(&zero[..], |(found, _)| &own.solver.force.component[found.components()]);
             narrow(forces, &mut to.solver.force.component[row.components()]);
-            let edges = found.map_or(&zero[..], |found| edges_of(own, found));
+            let edges = found.map_or(&zero[..], |(_, edges)| &own.solver.edge_force[edges]);
             narrow(edges, &mut to.solver.edge_force[at..at + row.edges()]);
             at += row.edges();
         }
     }
 }
 
-/// The edge forces of a contact.
-fn edges_of<'a>(ws: &'a Workspace<f64x8>, row: &ContactRow) -> &'a [f64x8] {
-    let before = ws.constraint.contact_rows.iter().take_while(|other| other.contact != row.contact);
-    let SolverWork { edge_force, .. } = &ws.solver;
-    &edge_force[before.map(ContactRow::edges).sum()..][..row.edges()]
+/// What rows on joints are sorted by.
+fn order(row: &DofRow) -> (bool, u32, bool) {
+    (row.kind != DofRowKind::Friction, row.id, row.kind == DofRowKind::Upper)
+}
+
+/// Contacts, and where their edge forces are.
+fn with_edges(rows: &[ContactRow]) -> impl Iterator<Item = (&ContactRow, Range<usize>)> {
+    rows.iter().scan(0, |end, row| {
+        let start = *end;
+        *end += row.edges();
+        Some((row, start..*end))
+    })
 }
 
 /// The numbers of the worlds of `group`, side by side.

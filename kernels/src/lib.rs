@@ -1,12 +1,13 @@
 //! The physics of lanesim: every stage of a step, written once over a [`lane`] type.
 //!
-//! The tree is the pipeline: `position`, `inertia`, `velocity`, `passive`, `actuation`, `acceleration`, `collision`,
-//! `constraint`, `solver`, `integration`. A stage reads earlier stages' structs and never calls their functions.
+//! The tree is the pipeline: `position`, `inertia`, `velocity`, `passive`, `actuation`, `acceleration`, `derivative`,
+//! `collision`, `constraint`, `solver`, `integration`. A stage reads earlier stages' structs and never calls their functions.
 
 pub mod acceleration;
 pub mod actuation;
 pub mod collision;
 pub mod constraint;
+pub mod derivative;
 pub mod diagnosis;
 pub mod double;
 pub mod drivers;
@@ -14,6 +15,7 @@ pub mod energy;
 pub mod fields;
 pub mod inertia;
 pub mod integration;
+pub mod inverse;
 pub mod lane;
 pub mod math;
 pub mod model;
@@ -26,5 +28,6 @@ pub mod smooth;
 pub mod solver;
 pub mod stage;
 pub mod state;
+pub mod step;
 pub mod velocity;
 pub mod workspace;

@@ -170,6 +170,21 @@ pub struct Options {
     pub flags: Flags,
 }
 
+/// More iterations than this are not made: what has not converged by then has lost its digits, and a step must end.
+pub const MOST_ITERATIONS: u32 = 10_000;
+
+impl Options {
+    /// With limits of iterations that a step keeps.
+    pub fn limited(mut self) -> Options {
+        for limit in
+            [&mut self.iterations, &mut self.ls_iterations, &mut self.noslip_iterations, &mut self.ccd_iterations]
+        {
+            *limit = (*limit).min(MOST_ITERATIONS);
+        }
+        self
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Options {

@@ -1,6 +1,7 @@
-//! A step, from top to bottom.
+//! The stages, from top to bottom, and the commit of what follows from them.
 
 use crate::collision::ConvexCollider;
+use crate::double;
 use crate::drivers::{collision, constraint, solver};
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model, Varied};
@@ -9,7 +10,6 @@ use crate::smooth::Findings;
 pub use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, BlockStatus, State, Status};
 use crate::workspace::Workspace;
-use crate::{diagnosis, double};
 
 /// How the caller wants a block to be run.
 pub struct Run<'a, L> {
@@ -78,7 +78,8 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         step.end(Stage::Collision);
     }
     if step.runs(Stage::Constraint) {
-        if step.ws.collision.slots.is_empty() && findings.joint_rows & alive == 0 {
+        let idle = step.ws.collision.slots.is_empty() && findings.joint_rows & alive == 0;
+        if constraint::equalities(step, alive, run.executor) == 0 && idle {
             step.ws.constraint.clear();
         } else {
             constraint::rows(step, alive, run.executor);
@@ -111,33 +112,4 @@ fn smooth<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>) -> Finding
         Executor::<L>::run(&mut Kernels, part, 0, &mut found, step);
     }
     found.into()
-}
-
-/// One step: forward, integrate, check, commit. A world whose next state would not be finite, or huge, keeps its last
-/// state and is frozen.
-pub fn step<L: LaneQuery>(
-    model: &Model<L::Real>,
-    state: &mut State<L>,
-    run: &mut Run<'_, L>,
-    status: &mut BlockStatus,
-    ws: &mut Workspace<L>,
-) {
-    if let Some(clock) = &mut run.clock {
-        clock.start();
-    }
-    run.stages = run.stages | Stages::STEP;
-    let model = Instance { model, varied: run.varied };
-    let mut clock = run.clock.take();
-    let step = &mut Step { model, state, applied: run.applied, ws, stages: run.stages, clock: clock.as_deref_mut() };
-    let solved = evaluate(step, run, status);
-    let mut good = [0];
-    run.executor.run(Part::new(Op::Euler), solved.lanes, &mut good, step);
-    // How a solver ends that works with numbers beyond all bounds says nothing, and may depend on other worlds' contacts.
-    status.record(Status::NOT_CONVERGED, solved.unfinished & good[0]);
-    let lost = status.alive & !good[0];
-    if lost != 0 {
-        diagnosis::freeze(step.ws, lost, status);
-    }
-    step.end(Stage::Integration);
-    run.clock = clock;
 }

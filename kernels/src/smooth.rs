@@ -3,6 +3,7 @@
 use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::collision::Colliders;
+use crate::derivative::Derivative;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, Mask};
 use crate::model::{Instance, Model};
@@ -12,7 +13,7 @@ use crate::position::Position;
 use crate::stage::Stage;
 use crate::state::{Applied, State};
 use crate::velocity::Velocity;
-use crate::{acceleration, actuation, collision, constraint, inertia, passive, position, velocity};
+use crate::{acceleration, actuation, collision, constraint, derivative, inertia, passive, position, velocity};
 
 /// The stages that do without constraints, borrowed from where they are.
 #[allow(missing_docs)] // each field is the stage of the same name
@@ -23,14 +24,15 @@ pub struct Smooth<'a, L> {
     pub passive: &'a mut Passive<L>,
     pub actuation: &'a mut Actuation<L>,
     pub acceleration: &'a mut Acceleration<L>,
+    pub derivative: &'a mut Derivative<L>,
     pub colliders: &'a mut Colliders<L>,
 }
 
 impl<L> Smooth<'_, L> {
     /// Borrowed for a shorter time.
     pub fn borrow(&mut self) -> Smooth<'_, L> {
-        let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = self;
-        Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders }
+        let Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders } = self;
+        Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
     }
 }
 
@@ -62,8 +64,8 @@ impl<M> From<Findings<M>> for [M; 5] {
     }
 }
 
-/// From positions to the smooth acceleration, how far geoms moved, and where rows on joints act: those of its stages for which
-/// `runs` holds. Calls `end` after each.
+/// From positions to the smooth acceleration and what integrates it implicitly, how far geoms moved, and where rows on joints act:
+/// those of its stages for which `runs` holds. Calls `end` after each.
 pub fn smooth<L: Lane>(
     model: Instance<'_, L>,
     state: &State<L>,
@@ -72,7 +74,7 @@ pub fn smooth<L: Lane>(
     stages: Smooth<'_, L>,
     end: &mut dyn FnMut(Stage),
 ) -> Findings<L::Mask> {
-    let Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders } = stages;
+    let Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders } = stages;
     let mut findings = Findings::from([L::Mask::splat(false); 5]);
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
@@ -108,13 +110,19 @@ pub fn smooth<L: Lane>(
         }
         end(Stage::Acceleration);
     }
+    if runs(Stage::Derivative) {
+        let stages = derivative::Stages { position, inertia, velocity, actuation };
+        derivative::implicit(model, state, stages, derivative);
+        derivative::factor(&model, derivative);
+        end(Stage::Derivative);
+    }
     findings
 }
 
 /// Fields that it leaves for others: all, or those that later parts of a step read.
 pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
     let mut all = match keep {
-        true => vec!["position", "inertia", "velocity", "passive", "actuation", "acceleration"],
+        true => vec!["position", "inertia", "velocity", "passive", "actuation", "acceleration", "derivative"],
         false => vec![
             "position.origin",
             "position.pos",
@@ -125,8 +133,15 @@ pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
             "acceleration.qfrc_smooth",
             "acceleration.qacc_smooth",
             "acceleration.inverse",
+            "derivative.lower",
+            "derivative.upper",
+            "derivative.inverse",
         ],
     };
+    // Rows of equality constraints read accelerations of links.
+    if !model.equalities.is_empty() {
+        all.push("velocity.cacc");
+    }
     all.extend([
         "collision.qpos",
         "collision.origin",

@@ -3,7 +3,9 @@
 use std::ops::BitOr;
 use std::time::{Duration, Instant};
 
+use crate::derivative;
 use crate::model::{Model, Sizes};
+use crate::options::Integrator;
 
 /// The stages of a step, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +17,7 @@ pub enum Stage {
     Passive,
     Actuation,
     Acceleration,
+    Derivative,
     Energy,
     Collision,
     Constraint,
@@ -24,13 +27,14 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, with their names.
-    pub const ALL: [(Stage, &'static str); 11] = [
+    pub const ALL: [(Stage, &'static str); 12] = [
         (Stage::Position, "position"),
         (Stage::Inertia, "inertia"),
         (Stage::Velocity, "velocity"),
         (Stage::Passive, "passive"),
         (Stage::Actuation, "actuation"),
         (Stage::Acceleration, "acceleration"),
+        (Stage::Derivative, "derivative"),
         (Stage::Energy, "energy"),
         (Stage::Collision, "collision"),
         (Stage::Constraint, "constraint"),
@@ -47,9 +51,9 @@ impl Stage {
             Velocity | Stage::Energy => &[Position, Inertia],
             Constraint => &[Position, Collision, Velocity],
             Actuation => &[Passive],
-            Acceleration => &[Inertia, Velocity, Passive, Actuation],
+            Acceleration | Stage::Derivative => &[Inertia, Velocity, Passive, Actuation],
             Solver => &[Constraint, Acceleration],
-            Stage::Integration => &[Solver],
+            Stage::Integration => &[Solver, Stage::Derivative],
         }
     }
 
@@ -58,6 +62,10 @@ impl Stage {
         match self {
             // The factor of the damped inertia is needed where damping is implicit.
             Stage::Integration if !model.features.implicit_damping => Sizes { nm: 0, ..model.sizes.clone() },
+            // Links matter to the derivative of the bias force alone.
+            Stage::Derivative if self.present(model) && !derivative::of_bias(model) => {
+                Sizes { nlink: 0, ..model.sizes.clone() }
+            }
             // Without constraints, the solver only passes on the acceleration.
             Stage::Solver if !model.constrained() => Sizes { nv: model.sizes.nv, ..Sizes::default() },
             _ if self.present(model) => model.sizes.clone(),
@@ -70,6 +78,7 @@ impl Stage {
         match self {
             Stage::Collision => !model.pairs.is_empty(),
             Stage::Constraint => model.constrained(),
+            Stage::Derivative => matches!(model.options.integrator, Integrator::Implicit | Integrator::ImplicitFast),
             Stage::Passive => model.features.passive(),
             // Lengths are there to be read even where actuation is off.
             Stage::Actuation => !model.actuators.is_empty(),

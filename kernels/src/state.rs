@@ -18,6 +18,8 @@ fields! {
         pub ctrl: Vec<L> = sizes.nu,
         /// What constraints added to the smooth acceleration in the last step: the solver starts from it.
         pub qacc_warmstart: Vec<L> = sizes.nv,
+        /// Whether each equality constraint is active: not 0.
+        pub eq_active: Vec<L> = sizes.neq,
     } L
 }
 
@@ -163,5 +165,5 @@ pub fn copy_lane<L: crate::lane::LaneQuery>(state: &mut State<L>, from: usize, t
 
 /// The number of lanes of state that a block keeps.
 pub fn state_len<L: Lane>(sizes: &crate::model::Sizes) -> usize {
-    1 + sizes.nq + 2 * sizes.nv + sizes.na + sizes.nu
+    1 + sizes.nq + 2 * sizes.nv + sizes.na + sizes.nu + sizes.neq
 }

@@ -4,10 +4,11 @@ use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::collision::{Collision, groups};
 use crate::constraint::Constraint;
-use crate::double::Double;
+use crate::derivative::Derivative;
+use crate::double::{self, Double};
 use crate::energy::Energy;
 use crate::inertia::Inertia;
-use crate::integration::Integration;
+use crate::integration::{Integration, Rk4};
 use crate::lane::{Lane, LaneQuery};
 use crate::model::Model;
 use crate::passive::Passive;
@@ -29,9 +30,12 @@ pub struct Workspace<L> {
     pub passive: Passive<L>,
     pub actuation: Actuation<L>,
     pub acceleration: Acceleration<L>,
+    pub derivative: Derivative<L>,
     pub solver: SolverWork<L>,
     pub integration: Integration<L>,
     pub energy: Energy<L>,
+    /// Of a model that is integrated so.
+    pub rk4: Option<Box<Rk4<L>>>,
     /// For worlds that need double precision; there once one did.
     pub double: Option<Box<Double>>,
 }
@@ -39,9 +43,10 @@ pub struct Workspace<L> {
 impl<L> Workspace<L> {
     /// The stages that do without constraints.
     pub fn smooth(&mut self) -> Smooth<'_, L> {
-        let Workspace { position, inertia, velocity, passive, actuation, acceleration, collision, .. } = self;
+        let Workspace { position, inertia, velocity, passive, actuation, acceleration, derivative, collision, .. } =
+            self;
         let colliders = &mut collision.colliders;
-        Smooth { position, inertia, velocity, passive, actuation, acceleration, colliders }
+        Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
     }
 }
 
@@ -69,9 +74,11 @@ impl<L: Lane> Workspace<L> {
             passive: Passive::new(&of(Stage::Passive)),
             actuation: Actuation::new(&of(Stage::Actuation)),
             acceleration: Acceleration::new(sizes),
+            derivative: Derivative::new(&of(Stage::Derivative)),
             solver: SolverWork::new(model),
             integration: Integration::new(&of(Stage::Integration)),
             energy: Energy::new(sizes),
+            rk4: Rk4::new(model).map(Box::new),
             double: None,
         }
     }
@@ -89,10 +96,13 @@ impl<L: Lane> Workspace<L> {
             Passive::<L>::bytes(&of(Stage::Passive)),
             Actuation::<L>::bytes(&of(Stage::Actuation)),
             Acceleration::<L>::bytes(sizes),
+            Derivative::<L>::bytes(&of(Stage::Derivative)),
             SolverWork::<L>::bytes(model),
             Integration::<L>::bytes(&of(Stage::Integration)),
             Energy::<L>::bytes(sizes),
+            Rk4::<L>::bytes(model),
         ];
-        stages.into_iter().fold(0, usize::saturating_add)
+        let own = stages.into_iter().fold(0, usize::saturating_add);
+        own.saturating_add(double::bytes::<L>(model, own))
     }
 }

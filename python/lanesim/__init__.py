@@ -10,7 +10,7 @@
 
 `Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model:
 ``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
-`rollout` has the shapes of ``mujoco.rollout``. `OUTPUTS` describes every quantity that ``Worlds.get`` and
+`rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion. `OUTPUTS` describes every quantity that ``Worlds.get`` and
 ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector
 environment.
 """
@@ -29,6 +29,7 @@ from .errors import (
     UnsupportedError,
     WorldMemoryError,
 )
+from .inverse import inverse
 from .model import Cone, Integrator, Key, Model, Options, Report, Solver
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
@@ -65,6 +66,7 @@ __all__ = [
     "WorldMemoryError",
     "Worlds",
     "__version__",
+    "inverse",
     "rollout",
     "shutdown_persistent_pool",
 ]

@@ -72,6 +72,9 @@ class Worlds:
     def read(
         self, names: Sequence[str], targets: Sequence[NDArray[Any] | None], ids: NDArray[np.uint64] | None
     ) -> list[tuple[int, NDArray[Any]] | None]: ...
+    def inverse(
+        self, qacc: NDArray[Any], place: tuple[int, int], target: NDArray[Any], shape: list[int]
+    ) -> None: ...
     def run(
         self,
         nstep: int,

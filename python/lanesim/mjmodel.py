@@ -22,15 +22,19 @@ JOINTS = ("free", "ball", "slide", "hinge")
 GEOMS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 SIZES = (3, 0, 1, 2, 3, 2, 3, 0, 0)
 """How many sizes a geom of each type has."""
+GEOM = "pos quat contype conaffinity condim priority friction solmix solref solimp margin gap group"
+"""What a geom's attributes and arrays have in common."""
 EQUALITIES = ("connect", "weld", "joint", "tendon", "flex")
+HELD = {"connect": "", "weld": "", "joint": "joint"}
+"""Those that are built, and what they hold: bodies or sites where it is not said."""
 GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
 BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
 TRANSMISSIONS = ("joint", "jointinparent", "slidercrank", "tendon", "site", "body")
-STALE = 1e-6
-"""The same for constants that MuJoCo derives a second time."""
 TOLERANCE = 1e-9
 """Largest difference between arrays that rounding may make, relative to the largest entry."""
+STALE = 1e-6
+"""The same for constants that MuJoCo derives a second time."""
 
 
 def spec_of(m: Any) -> Spec:
@@ -73,6 +77,10 @@ class _Writer:
         for a in range(m.nactuator):
             kind = kinds.get(self._transmission(a))
             referred += [(kind, int(i)) for i in m.actuator_trnid[a] if kind and i >= 0]
+        for e in range(m.neq):
+            what = {0: "joint", 1: "body", 6: "site"}.get(int(m.eq_objtype[e]))
+            if what and int(m.eq_type[e]) < len(HELD):
+                referred += [(what, int(i)) for i in (m.eq_obj1id[e], m.eq_obj2id[e]) if i >= 0]
         for kind, i in referred:
             if not getattr(m, kind)(i).name:
                 self.named[kind, i] = f"{kind} {i}"
@@ -182,19 +190,7 @@ class _Writer:
             type=GEOMS[kind],
             size=_sizes(m.geom_size[g], SIZES[kind]),
             mesh=m.mesh(m.geom_dataid[g]).name if kind == 7 else None,
-            pos=m.geom_pos[g],
-            quat=m.geom_quat[g],
-            contype=m.geom_contype[g],
-            conaffinity=m.geom_conaffinity[g],
-            condim=m.geom_condim[g],
-            priority=m.geom_priority[g],
-            friction=m.geom_friction[g],
-            solmix=m.geom_solmix[g],
-            solref=m.geom_solref[g],
-            solimp=m.geom_solimp[g],
-            margin=m.geom_margin[g],
-            gap=m.geom_gap[g],
-            group=m.geom_group[g],
+            **_copied(m, "geom", g, GEOM),
             fluidshape="ellipsoid" if fluid else None,
             surfacevel=moving if moving.any() else None,
             adhesion=sticky if sticky.any() else None,
@@ -206,10 +202,7 @@ class _Writer:
             "site",
             name=self.name("site", s),
             type=GEOMS[kind],
-            size=m.site_size[s],
-            pos=m.site_pos[s],
-            quat=m.site_quat[s],
-            group=m.site_group[s],
+            **_copied(m, "site", s, "size pos quat group"),
         )
 
     def _contacts(self) -> None:
@@ -305,9 +298,11 @@ class _Writer:
         if m.neq:
             equalities = root.add("equality")
             for e in range(m.neq):
-                kind = int(m.eq_type[e])
+                kind = EQUALITIES[min(int(m.eq_type[e]), 4)]
                 active = None if m.eq_active0[e] else False
-                equalities.add(EQUALITIES[min(kind, 4)], name=m.equality(e).name or f"equality {e}", active=active)
+                law = {"solref": m.eq_solref[e], "solimp": m.eq_solimp[e]} if kind in HELD else {}
+                name = m.equality(e).name or f"equality {e}"
+                equalities.add(kind, name=name, active=active, **law, **self._held(kind, e))
         if m.nsensor:
             sensors = root.add("sensor")
             for s in range(m.nsensor):
@@ -317,6 +312,27 @@ class _Writer:
             assets = root.add("asset")
             for i in range(m.nmesh):
                 assets.add("mesh", name=m.mesh(i).name, file=f"{m.mesh(i).name}.obj")
+
+    def _held(self, kind: str, e: int) -> dict[str, Any]:
+        """What an equality constraint holds, as attributes."""
+        import mujoco
+
+        m = self.m
+        if kind not in HELD:
+            return {}
+        what = HELD[kind] or ("site" if int(m.eq_objtype[e]) == int(mujoco.mjtObj.mjOBJ_SITE) else "body")
+        ids = (int(m.eq_obj1id[e]), int(m.eq_obj2id[e]))
+        held: dict[str, Any] = {f"{what}{n}": self.name(what, i) for n, i in enumerate(ids, 1) if i >= 0}
+        data = m.eq_data[e]
+        if kind == "joint":
+            held["polycoef"] = data[:5]
+        elif what == "body":
+            held["anchor"] = data[:3]
+        if kind == "weld":
+            held["torquescale"] = data[10]
+            if what == "body" and not data[11]:  # Otherwise it is that of the reference configuration.
+                held["relpose"] = data[3:10]
+        return held
 
     def _keys(self) -> None:
         m = self.m
@@ -331,6 +347,11 @@ def _sizes(sizes: NDArray[np.float64], count: int) -> NDArray[np.float64] | None
     """The sizes that a shape has, and those after them that somebody set all the same."""
     last = int(np.flatnonzero(sizes)[-1]) + 1 if sizes.any() else 0
     return sizes[: max(count, last)] if count else None
+
+
+def _copied(m: Any, kind: str, i: int, names: str) -> dict[str, Any]:
+    """Attributes of element i that are arrays of that name."""
+    return {name: getattr(m, f"{kind}_{name}")[i] for name in names.split()}
 
 
 def _any(m: Any, name: str, i: int) -> bool:
@@ -358,8 +379,6 @@ def differences(m: Any, model: Any) -> Iterator[str]:
         if theirs is None or name.startswith("o_"):
             continue
         ours, theirs = np.asarray(getattr(model, name)), np.asarray(theirs)
-        if name == "gravity" and not model.opt.flags["gravity"]:
-            continue
         if ours.size != theirs.size:
             yield f"{name} would have shape {list(ours.shape)} instead of {list(theirs.shape)}"
             continue

@@ -41,7 +41,7 @@ class Solver(enum.IntEnum):
     Newton = 2
 
 
-KINDS = ("body", "joint", "geom", "site", "actuator", "key")
+KINDS = ("body", "joint", "geom", "site", "equality", "actuator", "key")
 """Kinds of elements that have names."""
 _ENUMS: dict[str, type[enum.IntEnum]] = {"integrator": Integrator, "cone": Cone, "solver": Solver}
 _OPTIONS = (
@@ -164,7 +164,7 @@ class Options:
     Setting one recompiles the model, so that everything derived from it is right; worlds that exist keep the model
     with which they were made. Several at once: ``opt.set(timestep=0.001, solver="CG", contact=False)``. ``integrator``,
     ``cone`` and ``solver`` are enumerations with MuJoCo's numbers and take names, too. ``timestep`` is in s,
-    ``gravity`` in m/s^2 (zero when its flag is off), ``density`` in kg/m^3, ``viscosity`` in kg/(m s).
+    ``gravity`` in m/s^2 (as written, also while its flag is off), ``density`` in kg/m^3, ``viscosity`` in kg/(m s).
     """
 
     __slots__ = ("_model",)
@@ -431,7 +431,8 @@ class Model:
 
     @property
     def actuator_noiserange(self) -> NDArray[np.float64]:
-        """Range from which control noise is drawn, [nu, 2]: the control range if limited, else [-1, 1]."""
+        """Range from which control noise is drawn, [nu, 2]: the control range if limited, two units from its other end where
+        one is infinite; else [-1, 1]."""
         return np.array(self._m.control_ranges()).reshape(-1, 2)
 
     def __repr__(self) -> str:

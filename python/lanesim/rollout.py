@@ -40,7 +40,7 @@ class Rollout:
         backend: str = "auto",
         nthread: int | None = None,
     ) -> None:
-        """`threads`: worker threads; None: as many as there are processors. `precision` and `backend` as for `Worlds`.
+        """`threads`: threads, the caller's among them; None: as many as there are processors. `precision` and `backend` as for `Worlds`.
         `nthread`: MuJoCo's name for `threads`; 0 counts as None."""
         _arrays.choice("precision", precision, PRECISIONS)
         _arrays.choice("backend", backend, BACKENDS)
@@ -230,7 +230,7 @@ def check_call(model: Any, initial_state: Any, control: Any, rest: tuple[Any, ..
 
 
 def _threads(threads: int | None, nthread: int | None) -> int:
-    """Number of worker threads, by lanesim's name or by MuJoCo's; 0: as many as there are processors."""
+    """Number of threads, by lanesim's name or by MuJoCo's; 0: as many as there are processors."""
     if threads is not None and nthread is not None:
         raise InputError("threads and nthread are the same; give one of them")
     if threads is not None:
@@ -287,7 +287,7 @@ def rollout(
         sensordata: Array to write to, [nbatch, nstep, nsensordata].
         outputs: Names of further quantities to record at every step (see `lanesim.OUTPUTS`): state quantities after the
             step, derived ones as the step computed them, from the state before it.
-        threads: Worker threads; None: as many as there are processors.
+        threads: Threads, the caller's among them; None: as many as there are processors.
         precision: "f64" or "f32"; arrays that are made here have that type.
         backend: "auto", "native", "wide" or "scalar", as for `Worlds`; the same bits.
         chunk_size: Accepted for ``mujoco.rollout``'s sake; work is shared out by blocks of worlds.

@@ -12,19 +12,19 @@ class Status(enum.IntFlag):
     """What happened to a world: bits that stay set until it is reset."""
 
     NonFinitePos = 1 << 0
-    """A position would have become NaN or infinite."""
+    """A position from outside was NaN or infinite."""
     NonFiniteVel = 1 << 1
-    """A velocity would have become NaN or infinite."""
+    """A velocity from outside was NaN or infinite."""
     NonFiniteAcc = 1 << 2
-    """An acceleration was NaN or infinite."""
+    """The smooth acceleration, or a force from outside, was NaN or infinite."""
     HugeValue = 1 << 3
-    """A value exceeded the largest magnitude."""
+    """A position, a velocity, a force from outside or an acceleration exceeded the largest magnitude, 1e10 (1e7 in f32)."""
     BadCtrl = 1 << 4
     """A control was NaN or infinite: all controls of that step were 0."""
     QuatZero = 1 << 5
-    """A quaternion from outside had no length."""
+    """A quaternion of length zero in the state: it counts as the identity."""
     QuatFar = 1 << 6
-    """A quaternion from outside was far from unit length."""
+    """A quaternion in the state whose length was off by more than 1e-3; its direction counts."""
     SingularInertia = 1 << 7
     """The inertia matrix had a pivot near zero."""
     ContactOverflow = 1 << 9

@@ -26,7 +26,7 @@ Ids = Union[ArrayLike, slice, None]
 """Which worlds: an array of their numbers, a mask [nworld] of bool, or a slice; None: all."""
 _FORCES = ("qfrc_applied", "xfrc_applied")
 _COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body": "nbody"}
-_KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart")
+_KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart", "eq_active")
 
 
 def _field(name: str, doc: str) -> Any:
@@ -138,7 +138,7 @@ class Worlds:
 
     @property
     def threads(self) -> int:
-        """Number of worker threads."""
+        """Number of threads that step, of which the caller's is one."""
         return self._w.engine()[0]
 
     @property
@@ -164,6 +164,9 @@ class Worlds:
         "qacc_warmstart",
         "Where the solver starts, [nworld, nv]; m/s^2, rad/s^2: ``qacc - qacc_smooth`` of the last step. MuJoCo's array of "
         "that name holds ``qacc``; to start from one, set states and controls, then subtract ``get('qacc_smooth')``.",
+    )
+    eq_active = _field(
+        "eq_active", "Whether each equality constraint is active, [nworld, neq]; 1 or 0. A reset restores the model's."
     )
     qfrc_applied = _field("qfrc_applied", "Generalised forces from outside, [nworld, nv]; N, N m.")
     xfrc_applied = _field(
@@ -239,6 +242,8 @@ class Worlds:
         count = self._nworld if numbers is None else len(numbers)
         array = _arrays.per_world(name, values, count, row, "nworld" if numbers is None else "ids")
         _arrays.check_range(name, array, self.dtype)
+        if name == "eq_active" and not np.isin(array, (0, 1)).all():
+            raise InputError(f"eq_active has the entry {array[~np.isin(array, (0, 1))][0]}; expected 0 or 1")
         width = int(np.prod([n for _, n in row]))
         single = array.ndim == len(row) or (array.shape[0] == 1 and count > 1)
         stride = 0 if single else width
@@ -276,6 +281,7 @@ class Worlds:
             "act": [("na", m.na)],
             "ctrl": [("nu", m.nu)],
             "qacc_warmstart": [("nv", m.nv)],
+            "eq_active": [("neq", m.neq)],
             "qfrc_applied": [("nv", m.nv)],
             "xfrc_applied": [("nbody", m.nbody), ("", 6)],
             "state": [("nstate", 1 + m.nq + m.nv + m.na)],
@@ -481,6 +487,29 @@ class Worlds:
         """
         self._w.read([], [], _arrays.ids_of(ids, self._nworld))
 
+    def inverse(self, qacc: ArrayLike, out: NDArray[Any] | None = None) -> NDArray[Any]:
+        """Inverse dynamics of the present states: for each world the generalised force (N, N m) that must come from actuators
+        and from outside so that it has the acceleration `qacc`, [nworld, nv] or one row for all (m/s^2, rad/s^2).
+
+        MuJoCo's ``qfrc_inverse``, [nworld, nv], written to `out` if that is given. Where the model's flag ``invdiscrete`` is set,
+        `qacc` is what qvel gains over a step, divided by the time step: `Model.replace` sets flags. Frozen worlds, and those
+        whose state cannot be stepped, have NaN. States stay as they are.
+
+        Raises:
+            InputError: An array has another shape, or a number that is not finite.
+            OptionError: ``invdiscrete`` with the integrator RK4, which evaluates several states in a step.
+        """
+        nworld, nv = self._nworld, self._model.nv
+        rows = _arrays.per_world("qacc", qacc, nworld, [("nv", nv)])
+        _arrays.check_range("qacc", rows, self.dtype)
+        if out is None:
+            out = np.empty((nworld, nv), self.dtype)
+        else:
+            dims = [("nworld", nworld), ("nv", nv)]
+            out = _arrays.target("out", out, (nworld, nv), dims, (np.float64, np.float32))
+        self._w.inverse(rows, (0, 0 if rows.size == nv else nv), out, list(rows.shape))
+        return out
+
     def reset(self, mask: ArrayLike | None = None, key: int | str | None = None, *, ids: Ids = None) -> None:
         """Puts every world, those where `mask` ([nworld], bool) is true, or those that `ids` names, into a keyframe (number
         or name) or into the reference configuration, and clears forces from outside, warm start and status."""
@@ -490,20 +519,24 @@ class Worlds:
         where, numbers = _arrays.chosen(mask, ids, self._nworld)
         self._w.reset(where, numbers, index)
 
+    def _kept(self) -> tuple[str, ...]:
+        """Fields of a saved state."""
+        return _KEPT if self._model.neq else _KEPT[:-1]
+
     def save_state(self) -> dict[str, NDArray[Any]]:
         """All that is kept of the worlds, bit by bit: a dict of arrays, fit for ``np.savez`` and for `load_state`."""
-        names = [*_KEPT, *(_FORCES if self._forced else ()), *self.varying]
+        names = [*self._kept(), *(_FORCES if self._forced else ()), *self.varying]
         return {**self.get(names), "status": self._w.statuses()}
 
     def load_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restores what `save_state` returned: stepping goes on with the same bits."""
-        missing = [name for name in (*_KEPT, "status") if name not in state]
+        missing = [name for name in (*self._kept(), "status") if name not in state]
         if missing:
             raise InputError(f"the state has no array `{missing[0]}`")
         arrays = {}
         # Parameters in the order in which they were saved: some can only follow others.
         parameters = [name for name in state if name in PARAMETERS]
-        for name in (*_KEPT, *(f for f in _FORCES if f in state), *parameters):
+        for name in (*self._kept(), *(f for f in _FORCES if f in state), *parameters):
             arrays[name] = _arrays.numbers(name, state[name])
             dims = [("nworld", self._nworld), *self._row(name)]
             if arrays[name].shape != tuple(n for _, n in dims):

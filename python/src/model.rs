@@ -88,6 +88,7 @@ impl Model {
             "joint" => &names.joints,
             "geom" => &names.geoms,
             "site" => &names.sites,
+            "equality" => &names.equalities,
             "actuator" => &names.actuators,
             "key" => &names.keys,
             _ => return Err(PyKeyError::new_err(kind.to_string())),
@@ -140,7 +141,7 @@ impl Model {
     fn with_options(&self, py: Python<'_>, overrides: Overrides) -> PyResult<Model> {
         let mut spec = self.spec.clone();
         mjcf::override_options(&mut spec, &overrides).map_err(|e| rejected(py, &e))?;
-        let overrides = [&self.overrides[..], &overrides].concat();
+        let overrides = mjcf::replace_overrides(&self.overrides, &overrides);
         Model::compile(py, self.source.clone(), spec, overrides)
     }
 
@@ -197,6 +198,8 @@ impl Model {
             ("invdiscrete", f.invdiscrete),
             ("sleep", f.sleep),
             ("diagexact", f.diagexact),
+            ("ipc", f.ipc),
+            ("speculative", f.speculative),
         ]
     }
 
@@ -216,7 +219,8 @@ impl Model {
         self.model.report().losses.clone()
     }
 
-    /// Range of every actuator's control: its own if it is limited, else [-1, 1].
+    /// Range of every actuator's control: its own if it is limited, two units from its other end where one is infinite; else
+    /// [-1, 1].
     fn control_ranges(&self) -> Vec<[f64; 2]> {
         (0..self.model.tables().sizes.nu).map(|a| self.model.control_range(a)).collect()
     }

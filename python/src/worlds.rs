@@ -300,6 +300,29 @@ impl Worlds {
         padded.collect()
     }
 
+    /// Inverse dynamics of the present states, written to `target`; `place` and `checked` as for `write`, of accelerations.
+    fn inverse(
+        &self,
+        py: Python<'_>,
+        qacc: Numbers<'_>,
+        place: (usize, usize),
+        mut target: Target<'_>,
+        shape: Vec<usize>,
+    ) -> PyResult<()> {
+        let rows = Strided { values: qacc.values()?, offset: place.0, stride: place.1 };
+        let target = target.rows()?;
+        let mut held = self.acquire(py)?;
+        let State { worlds, reading: pace, .. } = &mut *held.state;
+        let (cancel, amount) = (AtomicBool::new(false), worlds.nworld() as f64);
+        let short = pace.is_short(amount);
+        let work = || {
+            rows.values.check_finite("qacc", &shape)?;
+            worlds.inverse_into(&rows, target, Some(&cancel))
+        };
+        let result = if short { py.detach(work) } else { watched(py, &cancel, |_| Ok(()), work)? };
+        result.map_err(|e| raise(py, e))
+    }
+
     /// Takes all worlds through `nstep` steps, or those whose numbers are `ids`. `controls`: the array and its strides from
     /// world to world and from step to step. `progress` is called with the number of world steps done.
     #[pyo3(signature = (nstep, controls, names, targets, progress, ids))]

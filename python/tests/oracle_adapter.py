@@ -1,4 +1,4 @@
-"""lanesim as a candidate for the oracle: ``oracle.py check --adapter python/tests/oracle_adapter.py``.
+"""States through the Python package, one model and one world at a time, for comparing with recorded results.
 
 Environment: LANESIM_PRECISION, f64 (default) or f32; LANESIM_LENIENT=1 leaves out what is not supported.
 """
@@ -83,8 +83,8 @@ class Adapter:
         return {name: np.array(arrays) for name, arrays in rows.items()}
 
     def inverse(self, model, state, qacc):
-        """Not built yet."""
-        raise NotImplementedError
+        """The force for which a state has an acceleration."""
+        return self.worlds(model, state).inverse(np.asarray(qacc)[None])[0]
 
     def fd(self, model, state, eps, integrator):
         """Not built yet."""

@@ -101,6 +101,17 @@ def test_pickles(tmp_path) -> None:
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     assert copy.deepcopy(model).nq == model.nq
     assert pickle.dumps(again) == data
+    # What is set again replaces what was set before: only the last of both is kept. Gravity is an option and a flag.
+    model.opt.timestep = 0.002
+    model.opt.timestep = 0.003
+    model.opt.set(contact=True)
+    model.opt.set(contact=False)
+    model.opt.set(gravity=(0, 0, -1))
+    model.opt.set(gravity=(0, 0, -2))
+    again = pickle.loads(pickle.dumps(model))
+    assert again.opt.timestep == 0.003 and not again.opt.flags["contact"] and again.opt.gravity[2] == -2
+    assert not {"ipc", "speculative"} & {name for name, on in again.opt.flags.items() if on}
+    assert {"ipc", "speculative"} <= set(again.opt.flags)
 
 
 def test_assets() -> None:

@@ -8,8 +8,9 @@ import pickle
 import lanesim
 import numpy as np
 import pytest
+from conftest import MODELS
 
-FIELDS = ["time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart", "qfrc_applied", "xfrc_applied"]
+FIELDS = ["time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart", "eq_active", "qfrc_applied", "xfrc_applied"]
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -293,5 +294,28 @@ def test_absent_quantities_have_no_columns(ant) -> None:
 
 
 def test_unsupported_integrators_say_so(pendulum) -> None:
-    with pytest.raises(lanesim.errors.ModelError, match="integrator RK4 is not supported .set integrator=.Euler"):
-        pendulum.replace(integrator="RK4")
+    with pytest.raises(lanesim.errors.ModelError, match="integrator discrete is not supported .set integrator=.Euler"):
+        pendulum.replace(integrator="discrete")
+
+
+def test_equality_constraints_are_switched_world_by_world() -> None:
+    model = lanesim.Model.from_xml_path(MODELS / "unit" / "equality_connect.xml")
+    assert (model.neq, model.names("equality")[0]) == (5, "end")
+    worlds = lanesim.Worlds(model, 4)
+    np.testing.assert_array_equal(worlds.eq_active, np.broadcast_to(model.eq_active0, (4, 5)))
+    worlds.eq_active = [[0] * 5, [1] * 5, [1, 0, 0, 0, 0], [0, 1, 1, 0, 0]]
+    assert worlds.get("nefc").tolist() == [0, 15, 3, 6]
+    worlds.step(5)
+    saved, other = worlds.save_state(), lanesim.Worlds(model, 4)
+    other.load_state(saved)
+    np.testing.assert_array_equal(other.eq_active, worlds.eq_active)
+    other.step(5)
+    worlds.step(5)
+    assert other.state_hash() == worlds.state_hash()
+    worlds.reset(ids=[0])
+    assert worlds.eq_active[0].tolist() == model.eq_active0.tolist()
+    with pytest.raises(lanesim.InputError, match="eq_active has the entry 0.5; expected 0 or 1"):
+        worlds.set("eq_active", [0.5] * 5)
+    del saved["eq_active"]
+    with pytest.raises(lanesim.InputError, match="no array `eq_active`"):
+        other.load_state(saved)

@@ -5,7 +5,7 @@ use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use lanesim::npz::Archive;
-use lanesim::suggest;
+use lanesim::{diagnostics, suggest};
 
 use super::failure::Failure;
 
@@ -60,12 +60,7 @@ impl<R: Read + Seek> Inputs<R> {
 
     /// A file error about one array.
     pub fn error(&self, name: &str, message: &str) -> Failure {
-        const SHOWN: usize = 60;
-        let mut shown: String = name.chars().take(SHOWN).map(|c| if c.is_control() { ' ' } else { c }).collect();
-        if name.chars().nth(SHOWN).is_some() {
-            shown.push('…');
-        }
-        Failure::file(&self.path, format!("array `{shown}` {message}"))
+        Failure::file(&self.path, format!("array `{}` {message}", diagnostics::shorten(name)))
     }
 
     fn wrong_shape(&self, name: &str, shape: &[usize], expected: &[Dim]) -> Failure {

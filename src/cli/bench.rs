@@ -57,7 +57,7 @@ pub struct Bench {
 impl Bench {
     /// Measures and prints.
     pub fn run(self) -> Result<(), Failure> {
-        let Loaded { model, seconds } = engine::load(&self.model)?;
+        let Loaded { model, seconds, .. } = engine::load(&self.model)?;
         output::losses(&model);
         let accurate = engine::load_with(&self.model, &[("tolerance", "1e-12"), ("iterations", "200")])?.model;
         self.run.check_memory(&model, self.worlds)?;

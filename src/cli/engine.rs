@@ -1,8 +1,9 @@
 //! From arguments to the library's types.
 
+use std::path::PathBuf;
 use std::time::Instant;
 
-use lanesim::mjcf::{self, LoadOptions};
+use lanesim::mjcf::{Document, LoadOptions};
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Field, Model, Options, Worlds, suggest};
@@ -27,10 +28,12 @@ pub fn events(worlds: &Worlds) -> Result<Vec<String>, Failure> {
     Ok(lines)
 }
 
-/// A model, and how long it took from file to tables.
+/// A model, what it was read from, and how long it took from file to tables.
 pub struct Loaded {
     /// The model.
     pub model: Model,
+    /// The files that its file includes.
+    pub includes: Vec<PathBuf>,
     /// Wall time of reading and compiling.
     pub seconds: f64,
 }
@@ -46,9 +49,10 @@ pub fn load_with(args: &ModelArgs, more: &[(&str, &str)]) -> Result<Loaded, Fail
     let given = args.options.iter().filter(|(name, _)| more.iter().all(|(other, _)| other != name)).cloned();
     let more = more.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
     let overrides = given.chain(more).collect();
-    let spec = mjcf::load(&args.model, &LoadOptions { lenient: args.lenient, overrides })?;
+    let (document, spec) = Document::load(&args.model, &LoadOptions { lenient: args.lenient, overrides })?;
     let model = Model::from_spec(&spec)?;
-    Ok(Loaded { model, seconds: start.elapsed().as_secs_f64() })
+    let includes = document.includes.into_iter().map(|include| include.path.into()).collect();
+    Ok(Loaded { model, includes, seconds: start.elapsed().as_secs_f64() })
 }
 
 /// The number of elements of a kind, by MuJoCo's name.

@@ -23,7 +23,8 @@ Examples:
 states.npz holds any of time [N], qpos [N, nq], qvel [N, nv], act [N, na], ctrl [N, nu], qfrc_applied [N, nv],
 xfrc_applied [N, nbody, 6]; what is missing is the keyframe's, or else zero (qpos: the reference configuration), and an empty
 archive means N = 1. What `rollout` writes can be given as it is: [nworld, nstep, ...] are N = nworld * nstep states. Results have
-a leading N; quantities of the model itself, such as body_mass, come once. Contacts and constraint rows are padded: ncon and nefc count them.";
+a leading N; quantities of the model itself, such as body_mass, come once. Contacts and constraint rows are padded: ncon
+and nefc count them.";
 
 /// Arguments of `eval`.
 #[derive(Args)]
@@ -51,7 +52,7 @@ pub struct Eval {
 }
 
 /// Arrays that MuJoCo's state has and ours does not have yet: passed over, since a lenient load leaves out what they are for.
-const PASSED_OVER: [&str; 3] = ["mocap_pos", "mocap_quat", "eq_active"];
+const PASSED_OVER: [&str; 2] = ["mocap_pos", "mocap_quat"];
 
 /// Shape of a field after the number of states.
 fn shape(field: Field, model: &Model) -> Vec<Dim> {
@@ -62,15 +63,17 @@ fn shape(field: Field, model: &Model) -> Vec<Dim> {
         Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => vec![dim("nv")],
         Field::Act => vec![dim("na")],
         Field::Ctrl => vec![dim("nu")],
+        Field::EqActive => vec![dim("neq")],
         Field::XfrcApplied => vec![dim("nbody"), Dim("", 6)],
     }
 }
 
-/// The dimensions before a state's own: the number of states, or worlds and steps as a rollout writes them.
-fn leading(inputs: &Inputs, model: &Model) -> Result<Vec<Dim>, Failure> {
-    let Some((name, given)) = inputs.first() else { return Ok(vec![Dim("N", 1)]) };
+/// The number of states, and the dimensions before a state's own: that number, or worlds and steps as a rollout writes them.
+pub fn leading(inputs: &Inputs, model: &Model) -> Result<(usize, Vec<Dim>), Failure> {
+    let Some((name, given)) = inputs.first() else { return Ok((1, vec![Dim("N", 1)])) };
     let field = Field::ALL.into_iter().find(|(_, known)| *known == name).map(|(field, _)| field);
-    let own = field.map_or(0, |field| shape(field, model).len());
+    // An acceleration has one row, as fields have; time has none.
+    let own = field.map_or(usize::from(name == "qacc"), |field| shape(field, model).len());
     let dims = match given[..given.len().saturating_sub(own)] {
         [n] => vec![Dim("N", n)],
         [nworld, nstep] => vec![Dim("nworld", nworld), Dim("nstep", nstep)],
@@ -79,7 +82,9 @@ fn leading(inputs: &Inputs, model: &Model) -> Result<Vec<Dim>, Failure> {
     if dims.is_empty() || dims.iter().any(|dim| dim.1 == 0) {
         return Err(inputs.error(name, "has no leading dimension N > 0, the number of states"));
     }
-    Ok(dims)
+    let count = dims.iter().try_fold(1_usize, |count, dim| count.checked_mul(dim.1));
+    let count = count.ok_or_else(|| inputs.error(name, "has more states than can be counted"))?;
+    Ok((count, dims))
 }
 
 /// A field of a keyframe.
@@ -90,6 +95,7 @@ fn start(field: Field, key: &Key) -> Option<Vec<f64>> {
         Field::Qvel => Some(key.qvel.clone()),
         Field::Act => Some(key.act.clone()),
         Field::Ctrl => Some(key.ctrl.clone()),
+        Field::EqActive => Some(key.eq_active.clone()),
         Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
     }
 }
@@ -99,7 +105,8 @@ impl Eval {
     pub fn run(self) -> Result<(), Failure> {
         let fields = engine::unique(&self.outputs)?;
         self.output.check([&self.model.model, &self.input])?;
-        let Loaded { model, .. } = engine::load(&self.model)?;
+        let Loaded { model, includes, .. } = engine::load(&self.model)?;
+        self.output.check(&includes)?;
         output::losses(&model);
         let key = self.start.find(&model)?;
         let (n, states) = self.states(&model, key)?;
@@ -117,8 +124,7 @@ impl Eval {
         PASSED_OVER.iter().for_each(|name| inputs.drop(name));
         let fields = Field::ALL.into_iter().filter(|(field, _)| *field != Field::QaccWarmstart);
         inputs.check_names(&fields.clone().map(|(_, name)| name).collect::<Vec<_>>())?;
-        let leading = leading(&inputs, model)?;
-        let n = leading.iter().map(|dim| dim.1).product();
+        let (n, leading) = leading(&inputs, model)?;
         let key = key.and_then(|key| model.keys().get(key));
         let mut states = BTreeMap::new();
         for (field, name) in fields {
@@ -128,7 +134,7 @@ impl Eval {
             let values = match (inputs.take(name, &expected)?, key.and_then(|key| start(field, key))) {
                 (Some(values), _) => values,
                 (None, Some(row)) => {
-                    memory::check("the states", &[n, row.len(), size_of::<f64>()], None)?;
+                    memory::check("the states", &[n, row.len(), size_of::<f64>()], self.run.max_memory)?;
                     row.repeat(n)
                 }
                 (None, None) => continue,

@@ -43,7 +43,7 @@ impl Info {
     /// Prints sizes, memory, options and what was left out.
     pub fn run(self) -> Result<(), Failure> {
         let outputs = engine::outputs(&self.outputs)?;
-        let Loaded { model, seconds } = engine::load(&self.model)?;
+        let Loaded { model, seconds, .. } = engine::load(&self.model)?;
         let memory = Worlds::memory_of(&model, &self.run.options(None));
         if let Some(part) = &self.disassembly {
             return disassembly(&self.code(&model)?, part);
@@ -61,7 +61,7 @@ impl Info {
         rows.push(("bytes per world", memory.0.to_string()));
         rows.push(("scratch bytes per thread", memory.1.to_string()));
         rows.push(("timestep", format!("{} s", options.timestep)));
-        rows.push(("integrator", format!("{:?}", options.integrator)));
+        rows.push(("integrator", options.integrator.to_string()));
         rows.push(("cone", format!("{:?}", options.cone)));
         rows.push(("solver", format!("{:?}", options.solver)));
         rows.push(("loaded in", format!("{:.1} ms", seconds * 1e3)));
@@ -94,15 +94,15 @@ fn disassembly(code: &[CodePart], name: &str) -> Result<(), Failure> {
         Failure::Usage(format!("there is no part {name}; {remedy}"))
     })?;
     let text = part.disassembly.as_ref();
-    output::text(
-        text.ok_or_else(|| Failure::Input(format!("{name} is left to the kernels: its code would be too large")))?,
-    )
+    output::text(text.ok_or_else(|| {
+        Failure::Input(format!("{name} is left to the kernels: no code is made for it, or it would be too large"))
+    })?)
 }
 
 /// Rows of a table: each part of the code and its figures.
 fn code_rows(code: &[CodePart]) -> Vec<(&str, String)> {
     let figures = |part: &CodePart| match &part.statistics {
-        None => "left to the kernels: its code would be too large".to_owned(),
+        None => "left to the kernels: no code is made for it, or it would be too large".to_owned(),
         Some(s) => format!(
             "{:>6} operations {:>6} instructions {:>5} spills {:>6} reloads {:>5} stores {:>7} bytes {:>5.2} ms",
             s.total_operations(),

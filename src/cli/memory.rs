@@ -1,11 +1,14 @@
 //! A request that cannot fit is refused in words; allocating it would end the process without any.
 
+use lanesim::memory::available;
+
 use super::failure::Failure;
 
 /// An error if `what` needs more bytes, the product of `factors`, than `limit`; `None`: than the machine has to give.
 pub fn check(what: &str, factors: &[usize], limit: Option<usize>) -> Result<(), Failure> {
     let bytes = factors.iter().try_fold(1u64, |product, &f| product.checked_mul(f as u64));
-    let most = limit.map_or_else(available, |limit| limit as u64);
+    // Elsewhere than on Linux as many as can be addressed.
+    let most = limit.or_else(available).unwrap_or(isize::MAX as usize) as u64;
     match bytes {
         Some(bytes) if bytes <= most => Ok(()),
         _ => {
@@ -16,18 +19,6 @@ pub fn check(what: &str, factors: &[usize], limit: Option<usize>) -> Result<(), 
             )))
         }
     }
-}
-
-/// Bytes of memory that can be had without swapping, as Linux estimates them; elsewhere as many as can be addressed.
-fn available() -> u64 {
-    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    parse(&text).unwrap_or(isize::MAX as u64)
-}
-
-fn parse(meminfo: &str) -> Option<u64> {
-    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    kilobytes.checked_mul(1024)
 }
 
 #[cfg(test)]
@@ -42,11 +33,5 @@ mod tests {
         for factors in [&[1 << 31, 1 << 30][..], &[1 << 31, 1 << 31, 1 << 31]] {
             assert!(check("too much", factors, None).is_err());
         }
-    }
-
-    #[test]
-    fn meminfo() {
-        assert_eq!(parse("MemTotal: 9 kB\nMemAvailable:   123 kB\n"), Some(123 * 1024));
-        assert_eq!(parse("MemTotal: 9 kB\n"), None);
     }
 }

@@ -12,6 +12,7 @@ mod engine;
 mod eval;
 mod failure;
 mod info;
+mod inverse;
 mod measure;
 mod memory;
 mod output;
@@ -32,6 +33,7 @@ Examples:
   lanesim info models/zoo/ant.xml --json
   lanesim rollout models/zoo/ant.xml --worlds 256 --steps 500 --noise --outputs qpos,qvel -o ant.npz
   lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --outputs qM,qacc
+  lanesim inverse models/zoo/ant.xml --states motion.npz -o forces.npz
   lanesim bench models/zoo/humanoid18.xml --worlds 4096 --steps 100 --precision f32
 
 Exit status: 0 success, 1 the model or an input was rejected, 2 the command line is wrong.";
@@ -56,6 +58,8 @@ enum Command {
     Bench(bench::Bench),
     /// Compute named quantities at given states
     Eval(eval::Eval),
+    /// Compute the forces for which given states have given accelerations
+    Inverse(inverse::Inverse),
 }
 
 /// Which model, and how it is read.
@@ -90,7 +94,8 @@ impl KeyArgs {
 /// What is read of archives.
 #[derive(Args)]
 struct InputArgs {
-    /// Most memory that the arrays of an input file may take, such as 500M or 8G, 8 bytes per number [default: 256 MiB or 100 times the file's size, whichever is more]
+    /// Most memory that the arrays of an input file may take, such as 500M or 8G, 8 bytes per number [default: 256 MiB or
+    /// 100 times the file's size, whichever is more]
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     input_limit: Option<usize>,
 }
@@ -214,6 +219,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Rollout(c) => c.run(),
         Command::Bench(c) => c.run(),
         Command::Eval(c) => c.run(),
+        Command::Inverse(c) => c.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

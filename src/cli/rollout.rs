@@ -72,7 +72,8 @@ impl Rollout {
         let outputs = engine::outputs(&self.outputs)?;
         let inputs = [Some(&self.model.model), self.controls.as_ref(), self.states.as_ref()];
         self.output.check(inputs.into_iter().flatten())?;
-        let Loaded { model, .. } = engine::load(&self.model)?;
+        let Loaded { model, includes, .. } = engine::load(&self.model)?;
+        self.output.check(&includes)?;
         output::losses(&model);
         let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
         memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()], self.run.max_memory)?;
@@ -106,11 +107,11 @@ impl Rollout {
     fn controls(&self, model: &Model) -> Result<Option<Vec<f64>>, Failure> {
         let Some(path) = &self.controls else { return Ok(None) };
         let mut inputs = Inputs::read(path, self.input.input_limit)?;
+        inputs.check_names(&["ctrl"])?;
         let shape = [Dim("nworld", self.worlds), Dim("nstep", self.steps), Dim("nu", size(model, "nu"))];
         let Some(controls) = inputs.take("ctrl", &shape)? else {
             return Err(Failure::file(path, "has no array `ctrl` [nworld, nstep, nu]"));
         };
-        inputs.check_names(&[])?;
         Ok(Some(controls))
     }
 

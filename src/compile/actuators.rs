@@ -6,6 +6,7 @@ use lanesim_kernels::model::{Actuator, Joint, JointKind, Span, Transmission};
 use super::bounds;
 use super::derived::Derived;
 use super::order::Scene;
+use super::response::Responses;
 use crate::model::Names;
 use crate::spec::{self, Bias, Gain, Spec, is_limited};
 
@@ -59,7 +60,7 @@ pub(crate) fn actuators(
 ) -> Actuators {
     let mut out =
         Actuators { table: Vec::new(), nmoment: 0, ctrl_ranges: Vec::new(), acc0: Vec::new(), length0: Vec::new() };
-    let mut moment = vec![0.0; scene.nv];
+    let responses = Responses::new(&derived.hinges);
     for (actuator, &target) in spec.actuators.iter().zip(targets) {
         let joint = &joints[target];
         let mut compiled = actuator_table(spec, actuator, target, joint);
@@ -74,18 +75,14 @@ pub(crate) fn actuators(
         let row = moment_row(&compiled, joint, derived);
         compiled.moments = Span { start: out.nmoment as u32, len: row.len() as u32 };
         out.nmoment += row.len();
-        let dof = joint.dof as usize;
-        moment[dof..dof + row.len()].copy_from_slice(&row);
-        let qacc = derived.accelerations(&moment);
-        moment[dof..dof + row.len()].fill(0.0);
-        out.acc0.push(qacc.iter().map(|a| a * a).sum::<f64>().sqrt());
+        let response = responses.to(joint.dof as usize, &row);
+        out.acc0.push(response.norm);
         out.length0.push(match joint.kind {
             JointKind::Slide | JointKind::Hinge => compiled.gear[0] * joint.qpos0,
             _ => 0.0,
         });
         if actuator.dampratio > 0.0 {
-            let mobility: f64 = row.iter().zip(&qacc[dof..]).map(|(g, a)| g * a).sum();
-            let mass = 1.0 / mobility.max(1e-15);
+            let mass = 1.0 / response.along.max(1e-15);
             compiled.bias[2] = -2.0 * actuator.dampratio * (compiled.gain[0].max(0.0) * mass).sqrt();
             compiled.bias_affine = true;
         }

@@ -22,6 +22,7 @@ pub(crate) struct Sources<'a> {
     pub tables: &'a lanesim_kernels::model::Model<f64>,
     pub derived: &'a Derived,
     pub actuators: &'a Actuators,
+    pub held: &'a [super::equality::Objects],
     pub geom_names: &'a Names,
     pub keys: &'a [Key],
 }
@@ -57,6 +58,7 @@ pub(crate) fn arrays(s: &Sources) -> BTreeMap<&'static str, Array> {
     geoms(s, &mut out);
     sites(s, &mut out);
     contacts(s, &mut out);
+    equalities(s, &mut out);
     actuators(s, &mut out);
     keys(s, &mut out);
     options(&s.spec.option, &mut out);
@@ -239,6 +241,24 @@ fn contacts(s: &Sources, out: &mut Arrays) {
         pairs::exclude_ids(s.spec, s.scene).into_iter().map(|(a, b)| signature(a, b)).collect();
     excludes.sort_unstable();
     out.ints("exclude_signature", 0, excludes.into_iter());
+}
+
+fn equalities(s: &Sources, out: &mut Arrays) {
+    use lanesim_kernels::model::EqualityKind::{Connect, Joint, Weld};
+    let kind = |kind| match kind {
+        Connect => 0,
+        Weld => 1,
+        Joint => 2,
+    };
+    let written = &s.spec.equalities;
+    out.ints("eq_type", 0, s.held.iter().map(|held| kind(held.kind)));
+    out.ints("eq_obj1id", 0, s.held.iter().map(|held| held.ids[0]));
+    out.ints("eq_obj2id", 0, s.held.iter().map(|held| held.ids[1]));
+    out.ints("eq_objtype", 0, s.held.iter().map(|held| held.objtype));
+    out.ints("eq_active0", 0, written.iter().map(|equality| i32::from(equality.active)));
+    out.reals("eq_solref", 2, written.iter().flat_map(|equality| equality.solref));
+    out.reals("eq_solimp", 5, written.iter().flat_map(|equality| equality.solimp));
+    out.reals("eq_data", super::equality::DATA, s.held.iter().flat_map(|held| held.data));
 }
 
 /// Two bodies in one number, as MuJoCo packs them; for models of more than 65535 bodies it is not unique.

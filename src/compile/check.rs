@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use super::equality;
 use super::names::{self, label};
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{
@@ -21,13 +22,17 @@ pub(super) struct Element<'a> {
     diagnostics: &'a mut Diagnostics,
 }
 
-impl Element<'_> {
-    fn refuse(&mut self, message: impl Into<String>, remedy: impl Into<String>) {
+impl<'a> Element<'a> {
+    pub fn new(label: String, source: &'a Source, diagnostics: &'a mut Diagnostics) -> Self {
+        Element { label, source, diagnostics }
+    }
+
+    pub fn refuse(&mut self, message: impl Into<String>, remedy: impl Into<String>) {
         self.diagnostics.push(self.source, self.label.clone(), message, remedy);
     }
 
     /// Refuses a reference to what is not there. Only the first few come with a suggestion: each costs a search.
-    fn unknown<'b>(&mut self, message: String, name: &str, candidates: impl Iterator<Item = &'b str>) {
+    pub fn unknown<'b>(&mut self, message: String, name: &str, candidates: impl Iterator<Item = &'b str>) {
         const SUGGESTED: usize = 20;
         let few = self.diagnostics.0.len() < SUGGESTED;
         let hint = if few { did_you_mean(name, candidates) } else { String::new() };
@@ -35,7 +40,7 @@ impl Element<'_> {
     }
 
     /// Refuses NaN and infinity; whether all numbers are finite.
-    fn finite(&mut self, attribute: &str, values: &[f64]) -> bool {
+    pub fn finite(&mut self, attribute: &str, values: &[f64]) -> bool {
         let ok = values.iter().all(|x| x.is_finite());
         if !ok {
             self.refuse(format!("{attribute} is not finite"), "give finite numbers");
@@ -51,7 +56,7 @@ impl Element<'_> {
         }
     }
 
-    fn quat(&mut self, attribute: &str, quat: &[f64]) {
+    pub fn quat(&mut self, attribute: &str, quat: &[f64]) {
         if self.finite(attribute, quat) {
             let norm = quat.iter().map(|x| x * x).sum::<f64>().sqrt();
             if norm < 1e-15 || !norm.is_finite() {
@@ -65,7 +70,7 @@ impl Element<'_> {
         self.quat("quat", quat);
     }
 
-    fn solref(&mut self, attribute: &str, solref: &[f64; 2]) {
+    pub fn solref(&mut self, attribute: &str, solref: &[f64; 2]) {
         if self.finite(attribute, solref) && (solref[0] > 0.0) != (solref[1] > 0.0) {
             self.refuse(
                 format!("{attribute} mixes its two forms: {} {}", solref[0], solref[1]),
@@ -132,6 +137,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
         }
     }
     check_contact(spec, diagnostics);
+    equality::check(spec, diagnostics);
     check_actuators(spec, diagnostics);
     check_keys(spec, diagnostics);
     tree
@@ -438,6 +444,10 @@ fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element
             } else if joint.range.is_none_or(|[lo, hi]| lo == hi) {
                 let message = format!("inheritrange, but joint {} has no range", quoted(&joint.name));
                 element.refuse(message, "give the joint a range");
+            } else if joint.range.is_some_and(|range| range.iter().any(|end| end.is_infinite())) {
+                let message =
+                    format!("inheritrange, but the range of joint {} has an infinite end", quoted(&joint.name));
+                element.refuse(message, "give ctrlrange");
             }
         }
     } else {

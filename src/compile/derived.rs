@@ -1,5 +1,4 @@
-//! Constants of the reference configuration: inverse weights of bodies and dofs, the inertia matrix's diagonal, and
-//! accelerations per unit of force.
+//! Constants of the reference configuration: inverse weights of bodies and dofs, and the inertia matrix's diagonal.
 //!
 //! Everything follows from the articulated-body recursions, so that the cost is linear in the number of dofs and no
 //! matrix is formed. Spatial quantities of a link are in world axes relative to the link's own frame, which keeps
@@ -14,57 +13,57 @@ use super::pose::{rotation, skew, unit_quat};
 
 /// A motion or a force: rotational and translational part.
 #[derive(Clone, Copy, Debug)]
-struct Spatial {
+pub(super) struct Spatial {
     rot: DVec3,
     trans: DVec3,
 }
 
 impl Spatial {
-    const ZERO: Spatial = Spatial { rot: DVec3::ZERO, trans: DVec3::ZERO };
+    pub const ZERO: Spatial = Spatial { rot: DVec3::ZERO, trans: DVec3::ZERO };
 
-    fn dot(self, other: Spatial) -> f64 {
+    pub fn dot(self, other: Spatial) -> f64 {
         self.rot.dot(other.rot) + self.trans.dot(other.trans)
     }
 
-    fn add_scaled(&mut self, other: Spatial, scale: f64) {
+    pub fn add_scaled(&mut self, other: Spatial, scale: f64) {
         self.rot += other.rot * scale;
         self.trans += other.trans * scale;
     }
 
     /// A motion at the parent's frame, seen `r` further.
-    fn motion_to_child(self, r: DVec3) -> Spatial {
+    pub fn motion_to_child(self, r: DVec3) -> Spatial {
         Spatial { rot: self.rot, trans: self.trans + self.rot.cross(r) }
     }
 
     /// A force at a frame `r` away, seen at the parent's.
-    fn force_to_parent(self, r: DVec3) -> Spatial {
+    pub fn force_to_parent(self, r: DVec3) -> Spatial {
         Spatial { rot: self.rot + r.cross(self.trans), trans: self.trans }
     }
 }
 
 /// A symmetric 6×6 matrix [[a, b], [bᵀ, c]] on (rotation, translation).
 #[derive(Clone, Copy, Debug)]
-struct Symmetric {
+pub(super) struct Symmetric {
     a: DMat3,
     b: DMat3,
     c: DMat3,
 }
 
 impl Symmetric {
-    const ZERO: Symmetric = Symmetric { a: DMat3::ZERO, b: DMat3::ZERO, c: DMat3::ZERO };
+    pub const ZERO: Symmetric = Symmetric { a: DMat3::ZERO, b: DMat3::ZERO, c: DMat3::ZERO };
 
-    fn add(&mut self, other: &Symmetric) {
+    pub fn add(&mut self, other: &Symmetric) {
         self.a += other.a;
         self.b += other.b;
         self.c += other.c;
     }
 
-    fn times(&self, s: Spatial) -> Spatial {
+    pub fn times(&self, s: Spatial) -> Spatial {
         Spatial { rot: self.a * s.rot + self.b * s.trans, trans: self.b.transpose() * s.rot + self.c * s.trans }
     }
 
     /// Adds `scale · (x yᵀ + y xᵀ)`.
-    fn add_outer(&mut self, x: Spatial, y: Spatial, scale: f64) {
+    pub fn add_outer(&mut self, x: Spatial, y: Spatial, scale: f64) {
         let outer = |u: DVec3, v: DVec3| DMat3::from_cols(u * v.x, u * v.y, u * v.z) * scale;
         self.a += outer(x.rot, y.rot) + outer(y.rot, x.rot);
         self.b += outer(x.rot, y.trans) + outer(y.rot, x.trans);
@@ -72,7 +71,7 @@ impl Symmetric {
     }
 
     /// An inertia at a frame `r` away, seen at the parent's.
-    fn inertia_to_parent(&self, r: DVec3) -> Symmetric {
+    pub fn inertia_to_parent(&self, r: DVec3) -> Symmetric {
         let r = skew(r);
         Symmetric {
             a: self.a - self.b * r + r * self.b.transpose() - r * self.c * r,
@@ -93,21 +92,22 @@ impl Symmetric {
 }
 
 /// What the backward recursion leaves per dof.
-struct Hinge {
+pub(super) struct Hinge {
     /// Motion per unit velocity.
-    axis: Spatial,
+    pub axis: Spatial,
     /// Articulated inertia times `axis`.
-    force: Spatial,
+    pub force: Spatial,
     /// Articulated inertia along `axis`, armature included.
-    inertia: f64,
+    pub inertia: f64,
     /// From the parent dof's frame to this dof's; zero within a link.
-    shift: DVec3,
-    parent: u32,
+    pub shift: DVec3,
+    pub parent: u32,
 }
 
 /// The articulated inertias of a model in its reference configuration, and the constants that follow from them.
 pub(crate) struct Derived {
-    hinges: Vec<Hinge>,
+    /// The backward quantities of every dof.
+    pub(super) hinges: Vec<Hinge>,
     /// Orientation of every link.
     orientations: Vec<DQuat>,
     /// Diagonal of the inertia matrix.
@@ -150,32 +150,6 @@ impl Derived {
             dof_invweight0[table[links.body_link[b] as usize].dofs.range()].fill(weight);
         }
         Derived { hinges, orientations, dof_m0, dof_invweight0, body_invweight0 }
-    }
-
-    /// Accelerations caused by generalised forces: M⁻¹τ.
-    pub fn accelerations(&self, tau: &[f64]) -> Vec<f64> {
-        let n = self.hinges.len();
-        let mut bias = vec![Spatial::ZERO; n];
-        let mut qacc = vec![0.0; n];
-        for k in (0..n).rev() {
-            let hinge = &self.hinges[k];
-            qacc[k] = tau[k] - hinge.axis.dot(bias[k]);
-            if hinge.parent != NONE {
-                let mut force = bias[k];
-                force.add_scaled(hinge.force, qacc[k] / hinge.inertia);
-                bias[hinge.parent as usize].add_scaled(force.force_to_parent(hinge.shift), 1.0);
-            }
-        }
-        let mut motion = bias;
-        for (k, hinge) in self.hinges.iter().enumerate() {
-            motion[k] = match hinge.parent {
-                NONE => Spatial::ZERO,
-                p => motion[p as usize].motion_to_child(hinge.shift),
-            };
-            qacc[k] = (qacc[k] - hinge.force.dot(motion[k])) / hinge.inertia;
-            motion[k].add_scaled(hinge.axis, qacc[k]);
-        }
-        qacc
     }
 
     /// Orientation of a link in the reference configuration.

@@ -10,8 +10,8 @@ use crate::spec::{Source, Spec};
 
 /// Most elements that are named.
 const MOST: usize = 20;
-/// Farthest that a geom may be from its tree's first joint, or stand from the world's origin, and largest that it may be, m: bounding
-/// tests square distances in single precision.
+/// Farthest that a geom may be from its tree's first joint, or stand from the world's origin, and largest that it may be, m:
+/// bounding tests square distances in single precision.
 const FARTHEST: f64 = 1e15;
 
 /// Refuses every element of which a table holds a number that is not finite.
@@ -65,6 +65,10 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     }
     for entry in &tables.pairs {
         at(geom(tables.geoms[entry.geom1 as usize].id as usize), entry.overflow());
+    }
+    for entry in &tables.equalities {
+        let equality = &spec.equalities[entry.id as usize];
+        at((&equality.source, label("equality", &equality.name, entry.id as usize)), entry.overflow());
     }
     for (i, (entry, actuator)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
         at((&actuator.source, label("actuator", &actuator.name, i)), entry.overflow());

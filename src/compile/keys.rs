@@ -15,6 +15,7 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
         ctrl: vec![0.0; spec.actuators.len()],
         mpos: mocap().flat_map(|b| b.pose.pos.to_array()).collect(),
         mquat: mocap().flat_map(|b| b.pose.wxyz()).collect(),
+        eq_active: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
         ..Key::default()
     };
     let complete = |key: &crate::spec::Key| {
@@ -37,6 +38,7 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
             ctrl: filled(&key.ctrl, &defaults.ctrl, 1),
             mpos: filled(&key.mpos, &defaults.mpos, 3),
             mquat,
+            eq_active: defaults.eq_active.clone(),
         }
     };
     spec.keys.iter().map(complete).collect()

@@ -10,6 +10,7 @@ mod bounds;
 mod check;
 mod constraints;
 mod derived;
+mod equality;
 mod finite;
 mod inertia;
 mod joints;
@@ -20,6 +21,7 @@ mod order;
 mod pairs;
 mod pose;
 mod report;
+mod response;
 mod rows;
 #[cfg(test)]
 mod tests;
@@ -28,7 +30,8 @@ use glam::DVec3;
 use lanesim_kernels::acceleration::articulated;
 use lanesim_kernels::collision::{blur, levers};
 use lanesim_kernels::model::{self as kernel, Features, Sizes};
-use lanesim_kernels::options::Options;
+use lanesim_kernels::options::{Integrator, Options};
+use lanesim_kernels::stage::Stage;
 
 use crate::diagnostics::Diagnostics;
 use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
@@ -83,7 +86,12 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let actuators = actuators::actuators(spec, &scene, &targets, &joints, &derived);
     let weights = &derived.body_invweight0;
     let pairs = pairs::pairs(spec, &scene, &links, &dofs, weights, &names.geoms, &mut diagnostics);
-    let (rows, nm) = rows::skyline(&dofs, &pairs.pairs, &pairs.dofs).unwrap_or_else(|n| {
+    let equalities = equality::Equalities::new(spec, &scene, &links, &dofs, &derived, &names).unwrap_or_else(|n| {
+        let message = format!("the Jacobians of equality constraints have {n} entries and more");
+        diagnostics.push(&Source::default(), "", message, "split the model, or hold bodies nearer to the world");
+        Default::default()
+    });
+    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &equalities).unwrap_or_else(|n| {
         let message = format!("{n} degrees of freedom are coupled: the inertia matrix is too large");
         diagnostics.push(
             &Source::default(),
@@ -98,8 +106,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let keys = keys::keys(spec, &scene);
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
-        sizes: sizes(&scene, &links, &actuators, &pairs, nm),
-        options: spec.option.clone(),
+        sizes: sizes(&scene, &links, &actuators, &pairs, &equalities, nm),
+        options: spec.option.clone().limited(),
         features: features(&spec.option, &links, &joints, &dofs, &actuators),
         joints,
         dofs,
@@ -110,6 +118,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         pair_dofs: pairs.dofs,
         limits: constraints::limits(&spec.option, &scene, &derived.dof_invweight0),
         friction_losses: constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0),
+        equalities: equalities.table,
+        equality_dofs: equalities.dofs,
+        eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
         actuators: actuators.table.clone(),
         rows,
         tree_pattern: Default::default(),
@@ -123,12 +134,14 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
     let mut tables = kernel::Model { tree_pattern, levers, ..tables };
     tables.blur = blur(&tables);
-    if articulated::pays(&tables) {
+    // What is implicit needs the matrix.
+    if articulated::pays(&tables) && !Stage::Derivative.present(&tables) {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
     }
     let mut diagnostics = Diagnostics::default();
     finite::check(spec, &scene, &tables, &derived, &mut diagnostics);
     diagnostics.into_result()?;
+    notes.extend(equality::notes(spec, &tables));
     let arrays = arrays::arrays(&arrays::Sources {
         spec,
         scene: &scene,
@@ -136,6 +149,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tables: &tables,
         derived: &derived,
         actuators: &actuators,
+        held: &equalities.held,
         geom_names: &names.geoms,
         keys: &keys,
     });
@@ -187,6 +201,10 @@ pub(crate) fn reweigh(spec: &Spec, weights: &Weights<'_>, tables: &mut kernel::M
     tables.limits = constraints::limits(&spec.option, &scene, &derived.dof_invweight0);
     tables.friction_losses = constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0);
     tables.mean_inertia = mean(&derived.dof_m0);
+    if !tables.equalities.is_empty() {
+        let held = equality::all_objects(spec, &scene, &element_names(spec, &scene));
+        equality::Equalities::reweigh(&mut tables.equalities, &held, &scene, &derived);
+    }
     let weight = |geom: u32| derived.body_invweight0[scene.geoms[tables.geoms[geom as usize].id as usize].body][0];
     for pair in &mut tables.pairs {
         pair.invweight = weight(pair.geom1) + weight(pair.geom2);
@@ -208,12 +226,20 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
         joints: Names::new(scene.joints.iter().map(|j| j.spec.name.clone()).collect()),
         geoms: Names::new(scene.geoms.iter().map(|g| g.spec.name.clone()).collect()),
         sites: Names::new(scene.sites.iter().map(|s| s.spec.name.clone()).collect()),
+        equalities: Names::new(spec.equalities.iter().map(|e| e.name.clone()).collect()),
         actuators: Names::new(spec.actuators.iter().map(|a| a.name.clone()).collect()),
         keys: Names::new(spec.keys.iter().map(|k| k.name.clone()).collect()),
     }
 }
 
-fn sizes(scene: &Scene, links: &Links, actuators: &Actuators, pairs: &pairs::Pairs, nm: usize) -> Sizes {
+fn sizes(
+    scene: &Scene,
+    links: &Links,
+    actuators: &Actuators,
+    pairs: &pairs::Pairs,
+    equalities: &equality::Equalities,
+    nm: usize,
+) -> Sizes {
     Sizes {
         nq: scene.nq,
         nv: scene.nv,
@@ -232,6 +258,9 @@ fn sizes(scene: &Scene, links: &Links, actuators: &Actuators, pairs: &pairs::Pai
         nslot: pairs.nslot,
         nm,
         narticulated: 0,
+        neq: equalities.held.len(),
+        ne: equalities.ne,
+        nej: equalities.nej,
     }
 }
 
@@ -251,7 +280,7 @@ fn features(
         // Without springs and dampers there are no passive forces at all.
         gravcomp: weight && (flags.spring || flags.damper) && links.links.iter().any(|l| l.gravcomp != 0.0),
         actuation: flags.actuation && !actuators.table.is_empty(),
-        implicit_damping: damped && flags.damper && flags.eulerdamp,
+        implicit_damping: damped && flags.damper && flags.eulerdamp && options.integrator == Integrator::Euler,
         articulated: false,
     }
 }

@@ -9,8 +9,9 @@ use super::check::{dof_count, qpos_count, used_sizes};
 use super::inertia::{self, Mass};
 use super::names::label;
 use super::pose::Pose;
+use super::report::List;
 use crate::diagnostics::Diagnostics;
-use crate::spec::{self, InertiaFromGeom, JointKind, Spec};
+use crate::spec::{self, Held, InertiaFromGeom, JointKind, Spec};
 
 /// A body in its place.
 pub(crate) struct Body<'a> {
@@ -85,7 +86,9 @@ impl<'a> Scene<'a> {
     /// Orders the elements of `spec`, whose bodies form a tree; finds masses, and applies the compiler settings that
     /// merge, drop, bound or rescale.
     pub fn new(spec: &'a Spec, diagnostics: &mut Diagnostics, notes: &mut Vec<String>) -> Scene<'a> {
-        let mut drafts = drafts(spec, diagnostics, notes);
+        let mut balanced = List::default();
+        let mut drafts = drafts(spec, diagnostics, &mut balanced);
+        notes.extend(balanced.sentence("inertia violated A + B >= C and was replaced by its mean"));
         if spec.compiler.fusestatic {
             let before = drafts.len();
             drafts = fuse(spec, drafts);
@@ -103,7 +106,7 @@ impl<'a> Scene<'a> {
     }
 }
 
-fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, notes: &mut Vec<String>) -> Vec<Draft<'a>> {
+fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, balanced: &mut List) -> Vec<Draft<'a>> {
     let order = preorder(spec);
     let mut position = vec![0; spec.bodies.len()];
     for (i, &b) in order.iter().enumerate() {
@@ -113,7 +116,7 @@ fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, notes: &mut Vec<Str
         let body = &spec.bodies[index];
         let pose = if index == 0 { Pose::IDENTITY } else { Pose::new(body.pos, body.quat) };
         let before = diagnostics.0.len();
-        let mass = if index == 0 { Mass::none(pose) } else { body_mass(spec, index, pose, diagnostics, notes) };
+        let mass = if index == 0 { Mass::none(pose) } else { body_mass(spec, index, pose, diagnostics, balanced) };
         let shapeless = |g: &spec::Geom| g.size[..used_sizes(g.shape)].iter().any(|&s| s.is_nan() || s <= 0.0);
         Draft {
             spec: body,
@@ -130,7 +133,7 @@ fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, notes: &mut Vec<Str
 }
 
 /// Mass of a body with bounds and rules applied.
-fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostics, notes: &mut Vec<String>) -> Mass {
+fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostics, balanced: &mut List) -> Mass {
     let (body, compiler) = (&spec.bodies[index], &spec.compiler);
     let source = body.inertial.as_ref().map_or(&body.source, |i| &i.source);
     let label = || label("body", &body.name, index);
@@ -147,7 +150,7 @@ fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostic
     if mass.violates_triangle() {
         if compiler.balanceinertia {
             mass.inertia = DVec3::splat((mass.inertia.x + mass.inertia.y + mass.inertia.z) / 3.0);
-            notes.push(format!("{}: inertia violated A + B >= C and was replaced by its mean", label()));
+            balanced.push(source, label());
         } else {
             let [a, b, c] = mass.inertia.to_array();
             let message = format!("inertia {a} {b} {c} violates A + B >= C: no body can have it");
@@ -157,10 +160,15 @@ fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostic
     mass
 }
 
-/// Merges bodies without joints into their parents, unless they are mocap, say so, are named by an exclude, or have mass and a parent that
-/// differs in gravity compensation.
+/// Merges bodies without joints into their parents, unless they are mocap, say so, are named by an exclude, or have mass and
+/// a parent that differs in gravity compensation.
 fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
-    let named: HashSet<&str> = spec.excludes.iter().flat_map(|e| [e.body1.as_str(), e.body2.as_str()]).collect();
+    let excluded = spec.excludes.iter().flat_map(|e| [e.body1.as_str(), e.body2.as_str()]);
+    let held = spec.equalities.iter().flat_map(|equality| match &equality.held {
+        Held::Points { bodies, .. } | Held::Frames { bodies, .. } => bodies.each_ref().map(String::as_str),
+        Held::Sites(_) | Held::SiteFrames { .. } | Held::Joints { .. } => [""; 2],
+    });
+    let named: HashSet<&str> = excluded.chain(held).collect();
     let mut kept: Vec<Draft> = Vec::with_capacity(drafts.len());
     // Where each draft went, and its pose there.
     let mut host: Vec<(usize, Pose)> = Vec::with_capacity(drafts.len());

@@ -9,13 +9,13 @@ use crate::spec::{JointKind, Source, Spec, Tri, is_limited};
 /// Adds notes on what was adjusted, or acts otherwise than it may seem.
 pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>) {
     let options = &spec.option;
+    let mut pushing = List::default();
     let mut slow = List::default();
     let mut slippery = List::default();
     for (i, joint) in scene.joints.iter().enumerate() {
         let spec = joint.spec;
         if spec.stiffness.iter().any(|&k| k < 0.0) {
-            let note = format!("{}: stiffness is negative, the spring pushes away", label("joint", &spec.name, i));
-            notes.push(spec.source.placed(&note));
+            pushing.push(&spec.source, label("joint", &spec.name, i));
         }
         let limited = is_limited(spec.range, spec.limited) && spec.kind != JointKind::Free;
         if (limited && raised(options, spec.solreflimit))
@@ -37,7 +37,11 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
     for (i, pair) in spec.pairs.iter().enumerate().filter(|(_, pair)| raised(options, pair.solref)) {
         slow.push(&pair.source, label("pair", &pair.name, i));
     }
-    empty_ranges(spec, scene, notes);
+    for (i, equality) in spec.equalities.iter().enumerate().filter(|(_, equality)| raised(options, equality.solref)) {
+        slow.push(&equality.source, label("equality", &equality.name, i));
+    }
+    notes.extend(pushing.sentence("stiffness is negative, the spring pushes away"));
+    notes.extend(empty_ranges(spec, scene).sentence("ranges are empty and limit nothing"));
     let bound = 2.0 * options.timestep;
     notes.extend(slow.sentence(&format!("solref time constants below two time steps act as {bound} (refsafe)")));
     notes.extend(slippery.sentence("friction below 1e-5 acts as 1e-5, use condim 1 for none"));
@@ -47,10 +51,11 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
 }
 
 /// Ranges that are given, and bound nothing because their ends do not come in order.
-fn empty_ranges(spec: &Spec, scene: &Scene, notes: &mut Vec<String>) {
+fn empty_ranges(spec: &Spec, scene: &Scene) -> List {
+    let mut list = List::default();
     let mut check = |(source, label): (&Source, &str), attribute: &str, range: Option<[f64; 2]>, flag: Tri| {
         if let Some([lo, hi]) = range.filter(|range| flag == Tri::Auto && !is_limited(Some(*range), flag)) {
-            notes.push(source.placed(&format!("{label}: {attribute} {lo} {hi} is empty: not limited")));
+            list.push(source, format!("{label} {attribute} {lo} {hi}"));
         }
     };
     for (i, joint) in scene.joints.iter().enumerate() {
@@ -64,18 +69,19 @@ fn empty_ranges(spec: &Spec, scene: &Scene, notes: &mut Vec<String>) {
         check(at, "ctrlrange", actuator.ctrlrange, actuator.ctrllimited);
         check(at, "forcerange", actuator.forcerange, actuator.forcelimited);
     }
+    list
 }
 
 /// Elements of which one sentence is true.
 #[derive(Default)]
-struct List {
+pub(super) struct List {
     /// Where the first is.
     source: Source,
     labels: Vec<String>,
 }
 
 impl List {
-    fn push(&mut self, source: &Source, label: String) {
+    pub fn push(&mut self, source: &Source, label: String) {
         if self.labels.is_empty() {
             self.source = source.clone();
         }
@@ -83,7 +89,7 @@ impl List {
     }
 
     /// The sentence with the place of the first element, the first few, and how many more there are; `None` of nothing.
-    fn sentence(&self, what: &str) -> Option<String> {
+    pub fn sentence(&self, what: &str) -> Option<String> {
         const SHOWN: usize = 5;
         let shown = self.labels.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
         let more = match self.labels.len().saturating_sub(SHOWN) {
@@ -107,7 +113,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("nsite", scene.sites.len()),
         ("ntree", links.tree_root.len()),
         ("ntendon", 0),
-        ("neq", 0),
+        ("neq", spec.equalities.len()),
         ("nsensor", 0),
         ("nsensordata", 0),
         ("nmocap", scene.nmocap),

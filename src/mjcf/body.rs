@@ -1,6 +1,6 @@
 //! The body tree: bodies, frames, and what they hold.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 use super::defaults::{Classes, MAIN};
 use super::geom::RawGeom;
@@ -11,7 +11,7 @@ use super::reference::{Entry, References};
 use super::replicate::Replica;
 use super::report::Report;
 use super::tree::{Element, Tree};
-use crate::spec::{Body, Compiler, Exclude, Inertia, Inertial, JointKind, Pair};
+use crate::spec::{Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Pair};
 
 /// Words of `body/fuse`.
 const FUSE: &[(&str, bool)] = &[("auto", true), ("false", false)];
@@ -74,12 +74,13 @@ pub(super) struct Builder<'a> {
     pub bodies: Vec<Body>,
     pub pairs: References<Pair>,
     pub excludes: References<Exclude>,
+    pub equalities: References<Equality>,
     pub actuators: References<Entry>,
     pub compiler: &'a Compiler,
     /// Geoms that are left out though nothing says lenient, by why: how many, and the first.
     pub decorations: BTreeMap<&'static str, (usize, String)>,
     /// Names of geoms that were left out.
-    pub lost_geoms: HashSet<String>,
+    pub lost_geoms: Vec<String>,
     /// Whether something was left out that has coordinates of its own.
     pub lost_coordinates: bool,
     pub cameras: usize,
@@ -270,13 +271,13 @@ impl Builder<'_> {
         let name = element.get("name").unwrap_or_default().to_string();
         if let Some(what) = raw.missing() {
             self.leave_out(element, &raw, what, scope);
-            self.lost_geoms.insert(name);
+            self.lost_geoms.push(name);
         } else if let Some(mut geom) = raw.finish(element, self.angles, self.report) {
             geom.name = name;
             place(scope.frame, &mut geom.pos, &mut geom.quat);
             self.bodies[scope.body].geoms.push(geom);
         } else {
-            self.lost_geoms.insert(name);
+            self.lost_geoms.push(name);
         }
     }
 

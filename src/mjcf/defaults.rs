@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use super::actuator::{RawActuator, Tag};
 use super::contact;
+use super::equality;
 use super::geom::{RawGeom, RawSite};
 use super::joint;
 use super::reader::Reader;
 use super::report::{Report, quoted};
 use super::tree::{Element, Tree};
-use crate::spec::{Joint, Pair};
+use crate::spec::{Equality, Joint, Pair};
 
 /// Most classes of a model.
 const MOST_CLASSES: usize = 10_000;
@@ -24,6 +25,7 @@ pub(super) struct Class {
     pub geom: RawGeom,
     pub site: RawSite,
     pub pair: Pair,
+    pub equality: Equality,
     actuator: RawActuator,
     /// By tag, the nearest class whose actuator record was written by that tag or by `general`.
     donors: [Option<usize>; Tag::COUNT],
@@ -90,6 +92,7 @@ impl Classes {
                 "geom" => values.geom.read(&mut reader),
                 "site" => values.site.read(&mut reader),
                 "pair" => contact::read(&mut reader, &mut values.pair),
+                "equality" => equality::read(&mut reader, &mut values.equality),
                 tag => {
                     if let Some(tag) = Tag::of(tag) {
                         let actuator = self.actuator(class, tag, &mut reader);

@@ -84,7 +84,7 @@ impl Loader<'_> {
             Files::Memory(texts) => match given(texts, &name) {
                 Some((key, text)) => (PathBuf::from(key), Ok(text.clone())),
                 None => {
-                    let near = did_you_mean(&name, texts.keys().map(String::as_str));
+                    let near = report.seek(|| did_you_mean(&name, texts.keys().map(String::as_str)));
                     (PathBuf::from(&name), Err(format!("no such file among those given {near}").trim_end().to_string()))
                 }
             },
@@ -105,7 +105,7 @@ impl Loader<'_> {
             Ok(text) => text,
             Err(message) => {
                 let near = match self.files {
-                    Files::Disk { .. } => neighbour(&path),
+                    Files::Disk { .. } => report.seek(|| neighbour(&path)),
                     Files::Memory(_) | Files::Recorded(_) => String::new(),
                 };
                 let remedy = format!("{near}{INCLUDE_PATHS}");
@@ -149,6 +149,7 @@ fn neighbour(path: &Path) -> String {
     let (Some(folder), Some(name)) = (path.parent().filter(|_| !path.exists()), path.file_name()) else {
         return String::new();
     };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let files = std::fs::read_dir(folder).into_iter().flatten().take(MOST).flatten();
     let mut names: Vec<String> = files.filter_map(|file| file.file_name().into_string().ok()).collect();
     names.sort_unstable();

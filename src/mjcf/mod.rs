@@ -14,6 +14,7 @@ mod contact;
 mod custom;
 mod defaults;
 mod document;
+mod equality;
 mod geom;
 mod include;
 mod joint;
@@ -37,7 +38,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
-use crate::spec::{Actuator, Body, Exclude, Pair, Spec, Transmission};
+use crate::spec::{Actuator, Body, Equality, Exclude, Pair, Spec, Transmission};
 use actuator::Tag;
 use body::Builder;
 use defaults::{Classes, MAIN};
@@ -82,6 +83,12 @@ pub fn override_options(spec: &mut Spec, overrides: &[(String, String)]) -> Resu
     option::apply(overrides, spec)
 }
 
+/// Overrides that say the same as `earlier` ones followed by `later` ones, each option once: of one given anew, what was
+/// said earlier is gone.
+pub fn replace_overrides(earlier: &[(String, String)], later: &[(String, String)]) -> Vec<(String, String)> {
+    option::replaced(earlier, later)
+}
+
 fn read(
     text: &str,
     file: Option<&Arc<str>>,
@@ -98,11 +105,13 @@ fn read(
     option::read(&tree, &mut spec, &mut report);
     let overridden = option::apply(&options.overrides, &mut spec);
     option::reset_unbuilt(&mut spec, &mut report);
+    option::note_iterations(&spec, &mut report);
     custom::check(&tree, &mut report);
     unbuilt::sections(&tree, &mut report);
 
     let classes = Classes::read(&tree, &mut report);
     let (pairs, excludes) = contacts(&tree, &classes, &mut report);
+    let equalities = equality::all(&tree, &classes, &mut report);
     let actuators = actuators(&tree, &classes, &mut report);
     let lost_coordinates = tree.section("deformable").any(|index| tree[index].tag != "skin");
     let mut builder = Builder {
@@ -113,10 +122,11 @@ fn read(
         bodies: std::mem::take(&mut spec.bodies),
         pairs: References::new(pairs),
         excludes: References::new(excludes),
+        equalities: References::new(equalities),
         actuators: References::new(actuators),
         compiler: &spec.compiler,
         decorations: BTreeMap::new(),
-        lost_geoms: HashSet::new(),
+        lost_geoms: Vec::new(),
         lost_coordinates,
         cameras: 0,
         lights: 0,
@@ -136,6 +146,7 @@ struct Built {
     bodies: Vec<Body>,
     pairs: Vec<Pair>,
     excludes: Vec<Exclude>,
+    equalities: Vec<Equality>,
     actuators: Vec<Entry>,
     lost_geoms: HashSet<String>,
     lost_coordinates: bool,
@@ -158,8 +169,9 @@ impl Built {
             bodies: builder.bodies,
             pairs: builder.pairs.into_items().collect(),
             excludes: builder.excludes.into_items().collect(),
+            equalities: builder.equalities.into_items().collect(),
             actuators: builder.actuators.into_items().collect(),
-            lost_geoms: builder.lost_geoms,
+            lost_geoms: builder.lost_geoms.into_iter().collect(),
             lost_coordinates: builder.lost_coordinates,
             notes,
         }
@@ -167,7 +179,7 @@ impl Built {
 
     /// Hands over what was built, and reads the keyframes.
     fn finish(self, tree: &Tree, spec: &mut Spec, report: &mut Report) {
-        (spec.bodies, spec.excludes) = (self.bodies, self.excludes);
+        (spec.bodies, spec.excludes, spec.equalities) = (self.bodies, self.excludes, self.equalities);
         for pair in self.pairs {
             let lost = [&pair.geom1, &pair.geom2].into_iter().find(|&name| self.lost_geoms.contains(name)).cloned();
             match lost {

@@ -7,7 +7,7 @@ use crate::diagnostics::Diagnostics;
 use crate::spec::{Options, Source, Spec};
 use crate::suggest::did_you_mean;
 use crate::unbuilt::unbuilt;
-use lanesim_kernels::options::{Cone, Flags, Integrator, Solver};
+use lanesim_kernels::options::{Cone, Flags, Integrator, MOST_ITERATIONS, Solver};
 
 /// The attributes of `option`.
 pub(super) const NAMES: &str = "actuatorgroupdisable ccd_iterations ccd_tolerance cone density gravity impratio \
@@ -47,6 +47,23 @@ pub(super) fn read(tree: &Tree, spec: &mut Spec, report: &mut Report) {
     }
 }
 
+/// Notes limits of iterations beyond which a step would not end.
+pub(super) fn note_iterations(spec: &Spec, report: &mut Report) {
+    let o = &spec.option;
+    for (name, limit) in [
+        ("iterations", o.iterations),
+        ("ls_iterations", o.ls_iterations),
+        ("noslip_iterations", o.noslip_iterations),
+        ("ccd_iterations", o.ccd_iterations),
+    ] {
+        if limit > MOST_ITERATIONS {
+            let what =
+                format!("{name} {limit} count as {MOST_ITERATIONS}: what has not converged by then lost its digits");
+            report.note_at(&spec.place("option", name), "option", &what);
+        }
+    }
+}
+
 /// Reports options that ask for what is not built, or with a lenient load resets them.
 pub(super) fn reset_unbuilt(spec: &mut Spec, report: &mut Report) {
     for unbuilt in unbuilt(&spec.option) {
@@ -68,17 +85,38 @@ fn report_bad(element: &Element, name: &str, result: Result<(), String>, report:
     }
 }
 
+/// A name and its value.
+type Override = (String, String);
+
+fn is_switch(value: &str) -> bool {
+    SWITCH.iter().any(|(word, _)| *word == value)
+}
+
+/// Whether two overrides are of the same option: gravity is an option and a flag.
+fn same(a: &Override, b: &Override) -> bool {
+    a.0 == b.0 && is_switch(&a.1) == is_switch(&b.1)
+}
+
+/// Earlier overrides, but for those that later ones replace, and then these.
+pub(super) fn replaced(earlier: &[Override], later: &[Override]) -> Vec<Override> {
+    let kept = earlier.iter().filter(|old| !later.iter().any(|new| same(old, new)));
+    kept.chain(later).cloned().collect()
+}
+
 /// Applies overrides, NAME=VALUE each; a name is one of `option` or, with the value enable or disable, of `flag`.
-pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(), Diagnostics> {
+/// Scripts add options to options, so one that comes again with the same value is no contradiction.
+pub(super) fn apply(overrides: &[Override], spec: &mut Spec) -> Result<(), Diagnostics> {
     let mut problems = Diagnostics::default();
-    for (i, (name, value)) in overrides.iter().enumerate() {
-        // Gravity is an option and a flag.
-        let switch = |value: &str| SWITCH.iter().any(|(word, _)| *word == value);
-        let same = |(earlier, old): &&(String, String)| earlier == name && switch(old) == switch(value);
-        let refusal = match overrides[..i].iter().any(|override_| same(&override_)) {
-            true => Some(("is given twice", "give it once")),
-            false if value.trim().is_empty() => Some(("has no value", "give one, or leave the option out")),
-            false => None,
+    for (i, given) in overrides.iter().enumerate() {
+        let (name, value) = given;
+        let other = |earlier: &&Override| same(earlier, given) && earlier.1.trim() != value.trim();
+        let refusal = match overrides[..i].iter().find(other) {
+            Some((_, old)) => {
+                let values = format!("both as {} and as {}", quoted(old), quoted(value));
+                Some((format!("is given {values}"), "give it once"))
+            }
+            None if value.trim().is_empty() => Some(("has no value".into(), "give one, or leave the option out")),
+            None => None,
         };
         if let Some((what, remedy)) = refusal {
             problems.push(&Source::default(), "", format!("option {} {what}", quoted(name)), remedy);
@@ -86,7 +124,6 @@ pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(
         }
         let options = &mut spec.option;
         let is = |list: &str| list.split_ascii_whitespace().any(|known| known == name);
-        let switched = SWITCH.iter().any(|(word, _)| word == value);
         let result = match (is(NAMES), is(FLAGS)) {
             (false, false) => {
                 let all = NAMES.split_ascii_whitespace().chain(FLAGS.split_ascii_whitespace());
@@ -97,7 +134,7 @@ pub(super) fn apply(overrides: &[(String, String)], spec: &mut Spec) -> Result<(
                 problems.push(&Source::default(), "", format!("unknown option {}", quoted(name)), remedy);
                 continue;
             }
-            (true, true) if switched => set_flag(&mut options.flags, name, value),
+            (true, true) if is_switch(value) => set_flag(&mut options.flags, name, value),
             (true, _) => set(options, name, value),
             (false, true) => set_flag(&mut options.flags, name, value),
         };

@@ -2,12 +2,16 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::spec::{Actuator, Exclude, Pair, Transmission};
+use crate::spec::{Actuator, Equality, Exclude, Held, Pair, Transmission};
 
 /// An element that names others.
 pub(super) trait Refers: Clone {
-    /// The names that it refers to.
+    /// The names that it refers to, all of one kind.
     fn targets(&mut self) -> Vec<&mut String>;
+    /// Which kind, where elements may refer to several.
+    fn space(&self) -> usize {
+        0
+    }
     /// Its own name.
     fn name(&mut self) -> &mut String;
 }
@@ -24,6 +28,29 @@ impl Refers for Pair {
 impl Refers for Exclude {
     fn targets(&mut self) -> Vec<&mut String> {
         vec![&mut self.body1, &mut self.body2]
+    }
+    fn name(&mut self) -> &mut String {
+        &mut self.name
+    }
+}
+
+impl Refers for Equality {
+    fn targets(&mut self) -> Vec<&mut String> {
+        match &mut self.held {
+            Held::Points { bodies: names, .. }
+            | Held::Frames { bodies: names, .. }
+            | Held::Sites(names)
+            | Held::SiteFrames { sites: names, .. }
+            | Held::Joints { joints: names, .. } => names.iter_mut().collect(),
+        }
+    }
+    /// Bodies, sites, joints.
+    fn space(&self) -> usize {
+        match self.held {
+            Held::Points { .. } | Held::Frames { .. } => 0,
+            Held::Sites(_) | Held::SiteFrames { .. } => 1,
+            Held::Joints { .. } => 2,
+        }
     }
     fn name(&mut self) -> &mut String {
         &mut self.name
@@ -52,12 +79,13 @@ impl Refers for Entry {
 #[derive(Debug)]
 pub(super) struct References<T> {
     items: Vec<Option<T>>,
-    by_target: HashMap<String, Vec<usize>>,
+    /// By kind.
+    by_target: [HashMap<String, Vec<usize>>; 3],
 }
 
 impl<T: Refers> References<T> {
     pub fn new(items: impl IntoIterator<Item = T>) -> Self {
-        let mut references = References { items: Vec::new(), by_target: HashMap::new() };
+        let mut references = References { items: Vec::new(), by_target: Default::default() };
         for item in items {
             references.push(item);
         }
@@ -65,33 +93,38 @@ impl<T: Refers> References<T> {
     }
 
     fn push(&mut self, mut item: T) {
+        let space = item.space();
         for target in item.targets() {
-            self.by_target.entry(target.clone()).or_default().push(self.items.len());
+            self.by_target[space].entry(target.clone()).or_default().push(self.items.len());
         }
         self.items.push(Some(item));
     }
 
     /// Whether some element refers to a name.
     pub fn mention(&self, name: &str) -> bool {
-        self.by_target.contains_key(name)
+        self.by_target.iter().any(|space| space.contains_key(name))
     }
 
     /// The elements that refer to something that is about to be replicated, by index. Afterwards none will have such a
-    /// name as its target, so these names are forgotten.
-    pub fn to(&mut self, replicated: &HashSet<&str>) -> Vec<usize> {
-        let found = replicated.iter().filter_map(|name| self.by_target.remove(*name)).flatten();
-        let mut indices: Vec<usize> = found.filter(|&index| self.items[index].is_some()).collect();
+    /// name as its target, so these names are forgotten. Names come by kind.
+    pub fn to(&mut self, replicated: &[&HashSet<&str>]) -> Vec<usize> {
+        let mut indices = Vec::new();
+        for (names, space) in replicated.iter().zip(&mut self.by_target) {
+            indices.extend(names.iter().filter_map(|name| space.remove(*name)).flatten());
+        }
+        indices.retain(|&index| self.items[index].is_some());
         indices.sort_unstable();
         indices.dedup();
         indices
     }
 
     /// Moves elements to the end, once for each suffix. What they refer to outside of the replica stays the same.
-    pub fn replicate(&mut self, indices: &[usize], replicated: &HashSet<&str>, suffixes: &[String]) {
+    pub fn replicate(&mut self, indices: &[usize], replicated: &[&HashSet<&str>], suffixes: &[String]) {
         let originals: Vec<T> = indices.iter().filter_map(|&index| self.items[index].take()).collect();
         for suffix in suffixes {
             for original in &originals {
                 let mut copy = original.clone();
+                let replicated = replicated[copy.space()];
                 for target in copy.targets().into_iter().filter(|target| replicated.contains(target.as_str())) {
                     target.push_str(suffix);
                 }

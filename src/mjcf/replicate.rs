@@ -18,6 +18,7 @@ pub(super) struct Replica {
     bodies: usize,
     geoms: usize,
     sites: usize,
+    lost_geoms: usize,
 }
 
 impl Replica {
@@ -31,6 +32,7 @@ impl Replica {
             bodies: builder.bodies.len(),
             geoms: holder.geoms.len(),
             sites: holder.sites.len(),
+            lost_geoms: builder.lost_geoms.len(),
         }
     }
 
@@ -66,20 +68,29 @@ impl Replica {
         let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));
         let content = Body { geoms, sites, ..Body::default() };
         let names = Names::new(&bodies, &content);
-        let (pairs, excludes, actuators) =
-            (builder.pairs.to(&names.geoms), builder.excludes.to(&names.bodies), builder.actuators.to(&names.joints));
+        let (geoms, bodies_alone, joints) = ([&names.geoms], [&names.bodies], [&names.joints]);
+        let held = [&names.bodies, &names.sites, &names.joints];
+        let (pairs, excludes) = (builder.pairs.to(&geoms), builder.excludes.to(&bodies_alone));
+        let (equalities, actuators) = (builder.equalities.to(&held), builder.actuators.to(&joints));
         let width = count.to_string().len();
         let longer = separator.len() + width;
         let size = weight(&content, longer) + bodies.iter().map(|body| weight(body, longer)).sum::<usize>();
-        let size = size + pairs.len() + excludes.len() + actuators.len();
+        let lost = builder.lost_geoms[self.lost_geoms..].len();
+        let size = size + pairs.len() + excludes.len() + equalities.len() + actuators.len() + lost;
         if !builder.reserve(element, size.saturating_mul(count)) {
             return;
         }
 
         let suffixes: Vec<String> = (0..count).map(|k| format!("{separator}{k:0width$}")).collect();
-        builder.pairs.replicate(&pairs, &names.geoms, &suffixes);
-        builder.excludes.replicate(&excludes, &names.bodies, &suffixes);
-        builder.actuators.replicate(&actuators, &names.joints, &suffixes);
+        builder.pairs.replicate(&pairs, &geoms, &suffixes);
+        builder.excludes.replicate(&excludes, &bodies_alone, &suffixes);
+        builder.equalities.replicate(&equalities, &held, &suffixes);
+        builder.actuators.replicate(&actuators, &joints, &suffixes);
+        // Pairs may name copies of what is left out.
+        let lost = builder.lost_geoms[self.lost_geoms..].iter().filter(|name| !name.is_empty()).cloned();
+        let lost: Vec<String> = lost.collect();
+        let copies = suffixes.iter().flat_map(|suffix| lost.iter().map(move |name| format!("{name}{suffix}")));
+        builder.lost_geoms.extend(copies);
         let mut pos = [0.0; 3];
         for (k, suffix) in suffixes.iter().enumerate() {
             // A copy is turned by a multiple of the angles, which about several axes is no power of one rotation.
@@ -140,6 +151,7 @@ struct Names<'a> {
     bodies: HashSet<&'a str>,
     joints: HashSet<&'a str>,
     geoms: HashSet<&'a str>,
+    sites: HashSet<&'a str>,
 }
 
 impl<'a> Names<'a> {
@@ -152,6 +164,7 @@ impl<'a> Names<'a> {
             bodies: named(bodies.iter().map(|body| &body.name)),
             joints: named(all().flat_map(|body| body.joints.iter().map(|joint| &joint.name))),
             geoms: named(all().flat_map(|body| body.geoms.iter().map(|geom| &geom.name))),
+            sites: named(all().flat_map(|body| body.sites.iter().map(|site| &site.name))),
         }
     }
 }

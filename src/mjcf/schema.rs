@@ -56,6 +56,7 @@ const CAMERA: &str = "focal focalpixel fovy ipd mode output pos principal princi
 const LIGHT: &str = "active ambient attenuation bulbradius castshadow cutoff diffuse dir directional exponent intensity \
     mode pos range softness specular type";
 const PAIR: &str = "adhesion condim friction gap margin solimp solref solreffriction";
+const LAW: &str = "active solref solimp";
 /// What every actuator but the newest kinds has.
 const ACTUATOR: &str = "armature cranklength ctrllimited ctrlrange damping delay forcelimited forcerange gear group \
     interp nsample user";
@@ -93,7 +94,7 @@ static MUJOCO: Rule = Rule {
         &opaque("deformable"),
         &CONTACT,
         &opaque("tendon"),
-        &opaque("equality"),
+        &EQUALITY,
         &ACTUATORS,
         &opaque("sensor"),
         &KEYFRAME,
@@ -114,7 +115,7 @@ static DEFAULT: Rule = Rule {
         &leaf("camera", &[CAMERA, ORIENTATIONS]),
         &leaf("light", &[LIGHT]),
         &leaf("pair", &[PAIR]),
-        &opaque("equality"),
+        &leaf("equality", &[LAW]),
         &opaque("tendon"),
         &leaf("general", &[ACTUATOR, GENERAL]),
         &leaf("motor", &[ACTUATOR]),
@@ -186,6 +187,20 @@ static REPLICATE: Rule = Rule {
 
 static CONTACT: Rule =
     section("contact", &[&leaf("pair", &[PAIR, IDENTITY, "geom1 geom2"]), &leaf("exclude", &["name body1 body2"])]);
+
+static EQUALITY: Rule = section(
+    "equality",
+    &[
+        &leaf("connect", &[LAW, IDENTITY, "body1 body2 anchor site1 site2"]),
+        &leaf("weld", &[LAW, IDENTITY, "body1 body2 anchor relpose torquescale site1 site2"]),
+        &leaf("joint", &[LAW, IDENTITY, "joint1 joint2 polycoef"]),
+        &opaque("tendon"),
+        &opaque("flex"),
+        &opaque("flexvert"),
+        &opaque("flexstrain"),
+        &opaque("distance"),
+    ],
+);
 
 static ACTUATORS: Rule = section(
     "actuator",

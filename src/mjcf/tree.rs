@@ -63,7 +63,20 @@ impl Tree {
                 roxmltree::Error::DtdDetected => "remove the document type declaration".to_string(),
                 roxmltree::Error::NodesLimitReached => format!("write at most {MOST_NODES} elements and texts"),
                 roxmltree::Error::DuplicatedAttribute(..) => "keep one of them".to_string(),
-                _ => "every tag must be closed, every value be in quotes".to_string(),
+                roxmltree::Error::NonXmlChar(..) => "remove the character".to_string(),
+                roxmltree::Error::UnexpectedCloseTag(..)
+                | roxmltree::Error::NoRootNode
+                | roxmltree::Error::UnclosedRootNode
+                | roxmltree::Error::UnexpectedEndOfStream
+                | roxmltree::Error::InvalidAttributeValue(..)
+                | roxmltree::Error::InvalidName(..)
+                | roxmltree::Error::InvalidChar(..)
+                | roxmltree::Error::InvalidChar2(..)
+                | roxmltree::Error::InvalidString(..)
+                | roxmltree::Error::UnknownToken(..) => {
+                    "every tag must be closed, every value be in quotes".to_string()
+                }
+                _ => String::new(),
             };
             file_problem(&source(error.pos().row), format!("not well-formed XML: {error}"), remedy)
         })?;

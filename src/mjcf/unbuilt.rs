@@ -1,16 +1,21 @@
 //! Sections of which nothing is built: problems or losses where the motion depends on them, notes where it does not.
 
+use super::equality;
 use super::report::Report;
 use super::tree::{Element, Tree};
 use super::value::numbers;
 
 /// Reports what these sections hold.
 pub(super) fn sections(tree: &Tree, report: &mut Report) {
-    const SECTIONS: [(&str, &str); 3] =
-        [("tendon", "tendons are"), ("equality", "equality constraints are"), ("deformable", "deformable bodies are")];
+    const SECTIONS: [(&str, &str); 3] = [
+        ("tendon", "tendons are"),
+        ("equality", "this kind of equality constraint is"),
+        ("deformable", "deformable bodies are"),
+    ];
     let defaults = has_default(tree, "tendon");
     for (section, what) in SECTIONS {
-        for index in tree.section(section).filter(|&index| !idle(section, &tree[index], defaults)) {
+        let unbuilt = |index: &usize| section != "equality" || !equality::built(&tree[*index]);
+        for index in tree.section(section).filter(unbuilt).filter(|&index| !idle(section, &tree[index], defaults)) {
             report.unsupported(&tree[index], what);
         }
     }
@@ -24,7 +29,7 @@ pub(super) fn sections(tree: &Tree, report: &mut Report) {
     note(tree, "asset", |element| element.tag == "hfield", "height fields are not read", report);
     for (section, what) in [
         ("tendon", "tendons without a force of their own are left out, as tendons are not built"),
-        ("equality", "equality constraints that are not active are left out"),
+        ("equality", "equality constraints of kinds that are not built, not active, are left out"),
         ("deformable", "skins are not drawn"),
     ] {
         note(tree, section, |element| idle(section, element, defaults), what, report);
@@ -43,7 +48,7 @@ fn note(tree: &Tree, section: &str, counts: impl Fn(&Element) -> bool, what: &st
 fn idle(section: &str, element: &Element, defaults: bool) -> bool {
     match section {
         "tendon" => !defaults && element.attributes.iter().all(|(name, value)| harmless(name, value)),
-        "equality" => element.get("active") == Some("false"),
+        "equality" => !equality::built(element) && element.get("active") == Some("false"),
         _ => element.tag == "skin",
     }
 }

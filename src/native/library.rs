@@ -9,7 +9,7 @@ use lanesim_kernels::collision::{self, Class, Near};
 use lanesim_kernels::constraint::{self, Classes, ContactRow};
 use lanesim_kernels::lane::LaneQuery;
 use lanesim_kernels::model::{Model as Tables, Pattern, Quantities, Quantity, Sides};
-use lanesim_kernels::options;
+use lanesim_kernels::options::{self, Integrator};
 use lanesim_kernels::part::{COLUMNS, Family, Group, Item, KIND_COLUMNS, Lanes, Op, Part, Step, Threes, stride};
 use lanesim_kernels::solver;
 use lanesim_kernels::stage::Stage;
@@ -81,7 +81,8 @@ impl<T: Float> Common<T> {
         let mut bases = vec![0];
         for op in Op::ALL {
             let stage = op.stage();
-            let none = !stage.present(tables) || stage == Stage::Solver && !tables.constrained();
+            let absent = *op == Op::Equality && tables.equalities.is_empty();
+            let none = absent || !stage.present(tables) || stage == Stage::Solver && !tables.constrained();
             let count = match op.family() {
                 _ if none => 0,
                 Family::Options(count) => count as usize,
@@ -352,18 +353,22 @@ impl<T: Float> ModelCode<T> {
     pub fn wanted(&self) -> impl Iterator<Item = Part> {
         let tables = &*self.tables;
         let pairs = |has: &dyn Fn(&lanesim_kernels::model::Pair<T>) -> bool| tables.pairs.iter().any(has);
-        let (both, joins) = (pairs(&|pair| pair.sides != Sides::One), pairs(&|pair| pair.cross));
+        let both = pairs(&|pair| pair.sides != Sides::One);
+        let equality = tables.equalities.iter().any(|equality| equality.cross);
+        let joins = equality || pairs(&|pair| pair.cross);
         let primal = tables.options.solver != options::Solver::Pgs;
         let newton = tables.options.solver == options::Solver::Newton;
         let wanted = move |part: &Part| match (part.op, part.of) {
-            (Op::Smooth | Op::Euler, of) => of == 0,
+            (Op::Smooth, of) => of == 0,
+            (Op::Integrate, _) => tables.options.integrator != Integrator::Rk4,
             (Op::Energy | Op::MeasureBoth | Op::Couple, _) => false,
-            (Op::Joints | Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
+            (Op::Equality | Op::Joints | Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
             (Op::Conjugate, _) => primal && !newton,
             (Op::Turn, _) => primal && newton,
             (Op::Curve | Op::Stiffen, _) if !newton => false,
-            (Op::Curve, _) => primal && both,
-            (Op::Descend, filled) => primal && newton && both && (joins || filled == 0),
+            (Op::Curve, _) => primal && (both || equality),
+            (Op::Descend, 0) => primal && newton && both,
+            (Op::Descend, _) => primal && newton && joins,
             (Op::Polish, filled) => primal && newton && (joins || filled == 0),
             (Op::Survey | Op::Take | Op::Approach | Op::Slope | Op::Act | Op::Stiffen, kind) => {
                 let sides = self.common.rows.kinds[kind as usize].sides;

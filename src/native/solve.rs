@@ -38,6 +38,8 @@ pub struct Solve<'a, L: Block> {
     whole: Factor,
     /// The worlds for whose contacts it was chosen, and whether some join; `None`: it was not yet.
     chosen: Option<(u32, bool)>,
+    /// Worlds in which equality constraints act that join branches.
+    joining: u32,
     session: Session<'a, L::Float>,
 }
 
@@ -63,12 +65,17 @@ impl<'a, L: Block> Solve<'a, L> {
         if constraint.coupled && !constraint.contact_rows.iter().all(of_pair) {
             return None;
         }
+        let joining = constraint.equality.cross;
         // Whatever of them acts later fits where all do.
         let full = [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
-        let whole = if full { Factor::Full } else { pattern((root, code), found, &constraint.contact_rows, u32::MAX)? };
+        let whole = if full {
+            Factor::Full
+        } else {
+            pattern((root, code), found, (&constraint.contact_rows, joining), u32::MAX)?
+        };
         let mut rows = &[][..];
         let session = code.lend(set, (scratch, step), &mut rows);
-        Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, session })
+        Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, joining, session })
     }
 
     /// Number of a call: that of the part, or one beyond those of all for a pattern.
@@ -109,15 +116,15 @@ fn joins<T>(tables: &Tables<T>, row: &ContactRow, acting: u32) -> bool {
 fn pattern<T: Float>(
     (root, code): (&Arc<ModelCode<T>>, &Arc<ModelCode<T>>),
     found: &mut Found,
-    rows: &[ContactRow],
+    (rows, joining): (&[ContactRow], u32),
     acting: u32,
 ) -> Option<Factor> {
-    let mut joining = rows.iter().filter(|row| joins(&code.tables, row, acting)).peekable();
-    if joining.peek().is_none() {
+    let mut joined_rows = rows.iter().filter(|row| joins(&code.tables, row, acting)).peekable();
+    if joined_rows.peek().is_none() && joining & acting == 0 {
         return Some(Factor::Full);
     }
     let mut joined = Joined::default();
-    if joining.all(|row| code.patterns.add(row.pair, &mut joined)) {
+    if joined_rows.all(|row| code.patterns.add(row.pair, &mut joined)) {
         let place = found.find(&code.patterns, &code.tables, &joined);
         if let Some(place) = place.filter(|place| code.patterns.is_coded(code, *place)) {
             return Some(Factor::Filled(place));
@@ -183,9 +190,9 @@ impl<L: Block> Parts for Solve<'_, L> {
                 return filled;
             }
         }
-        let Solve { root, code, rows, found, factor, whole, .. } = self;
-        let filled = rows.iter().any(|row| joins(&code.tables, row, acting));
-        *factor = pattern((root, code), found, rows, acting).unwrap_or(*whole);
+        let Solve { root, code, rows, found, factor, whole, joining, .. } = self;
+        let filled = *joining & acting != 0 || rows.iter().any(|row| joins(&code.tables, row, acting));
+        *factor = pattern((root, code), found, (rows, *joining), acting).unwrap_or(*whole);
         self.chosen = Some((acting, filled));
         filled
     }

@@ -8,12 +8,14 @@ use lanesim_codegen::{Block, Float, InstructionSet};
 use lanesim_kernels::lane::{Lane, LaneQuery, Real};
 use lanesim_kernels::model::{Instance, Model as Tables, Quantities, Quantity, Varied};
 use lanesim_kernels::part::{Executor, Item, Kernels, Lanes, Name, Op, Part, Step};
-use lanesim_kernels::pipeline::{self, Run};
+use lanesim_kernels::pipeline::Run;
 use lanesim_kernels::solver;
 use lanesim_kernels::stage::{Stage, Stages};
 use lanesim_kernels::state::{Applied, BlockStatus, State};
 use lanesim_kernels::workspace::Workspace;
 use wide::f64x8;
+
+use lanesim_kernels::step;
 
 use super::library::ModelCode;
 use super::record::workspace;
@@ -138,7 +140,7 @@ fn stepped<L: LaneQuery>(tables: &Tables<L::Real>, random: &mut Random) -> (Stat
             executor: &mut Kernels,
             keep: true,
         };
-        pipeline::step(tables, &mut state, &mut run, &mut status, &mut ws);
+        step::step(tables, &mut state, &mut run, &mut status, &mut ws);
     }
     (state, ws)
 }
@@ -310,7 +312,7 @@ impl Bench {
                 executor: native,
                 keep: false,
             };
-            pipeline::step(model.tables(), &mut self.state, &mut run, &mut status, &mut self.workspace);
+            step::step(model.tables(), &mut self.state, &mut run, &mut status, &mut self.workspace);
         }
         assert_eq!(status.alive, 0xff);
         self.state.qpos.iter().map(|q| q.get(3).to_bits()).collect()
@@ -352,5 +354,6 @@ fn no_part_is_recorded_at_any_size() {
     let Ok(code) = ModelCode::new(model.tables(), isa).map(Arc::new) else { return };
     let start = std::time::Instant::now();
     assert!(code.all().iter().all(|(_, code)| code.is_none()));
-    assert!(start.elapsed().as_secs_f64() < 1.0);
+    // To record it all takes minutes; a machine with other work to do may take long for little, too.
+    assert!(start.elapsed().as_secs() < 30);
 }

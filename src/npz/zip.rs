@@ -53,16 +53,20 @@ impl<'a> Fields<'a> {
         Some(head)
     }
 
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.try_into().ok()
+    }
+
     fn u16(&mut self) -> Option<u16> {
-        Some(u16::from_le_bytes(self.bytes(2)?.try_into().ok()?))
+        self.array().map(u16::from_le_bytes)
     }
 
     fn u32(&mut self) -> Option<u32> {
-        Some(u32::from_le_bytes(self.bytes(4)?.try_into().ok()?))
+        self.array().map(u32::from_le_bytes)
     }
 
     fn u64(&mut self) -> Option<u64> {
-        Some(u64::from_le_bytes(self.bytes(8)?.try_into().ok()?))
+        self.array().map(u64::from_le_bytes)
     }
 }
 
@@ -76,7 +80,7 @@ fn member(name: &str, message: impl Into<String>) -> Error {
 
 /// The members of an archive of `length` bytes.
 pub(super) fn directory(reader: &mut (impl Read + Seek), length: u64) -> Result<Vec<Member>, Error> {
-    let (count, size, offset, end) = find_end(reader, length)?;
+    let End { count, size, offset, place: end } = find_end(reader, length)?;
     if offset.checked_add(size) != Some(end) {
         return Err(archive("its directory is not where its end says; it is cut short or damaged"));
     }
@@ -97,8 +101,20 @@ pub(super) fn directory(reader: &mut (impl Read + Seek), length: u64) -> Result<
     Ok(members)
 }
 
-/// Number of members, size and place of the directory, and where it ends, from the records at the end of the file.
-fn find_end(reader: &mut (impl Read + Seek), length: u64) -> Result<(u64, u64, u64, u64), Error> {
+/// What the records at the end of the file say.
+struct End {
+    /// Number of members.
+    count: u64,
+    /// Bytes of the directory.
+    size: u64,
+    /// Where it begins.
+    offset: u64,
+    /// Where the records begin, and so the directory ends.
+    place: u64,
+}
+
+/// Finds these records.
+fn find_end(reader: &mut (impl Read + Seek), length: u64) -> Result<End, Error> {
     let tail = length.min((END_BYTES + usize::from(u16::MAX)) as u64);
     let bytes = read_at(reader, length - tail, tail as usize)?;
     // The comment after the record must fill the rest of the file, or what looks like a record is something else.
@@ -110,15 +126,15 @@ fn find_end(reader: &mut (impl Read + Seek), length: u64) -> Result<(u64, u64, u
     let Some((at, record)) = found else {
         return Err(archive("it has no end record; it is cut short or something else"));
     };
-    let end = length - tail + at as u64;
+    let place = length - tail + at as u64;
     if record.disks != 0 {
         return Err(archive("it is one of several volumes"));
     }
-    let (count, size, offset) = (u64::from(record.count), u64::from(record.size), u64::from(record.offset));
+    let end = End { count: record.count.into(), size: record.size.into(), offset: record.offset.into(), place };
     if record.count != u16::MAX && record.size != u32::MAX && record.offset != u32::MAX {
-        return Ok((count, size, offset, end));
+        return Ok(end);
     }
-    Ok(find_end_64(reader, end)?.unwrap_or((count, size, offset, end)))
+    Ok(find_end_64(reader, place)?.unwrap_or(end))
 }
 
 struct EndRecord {
@@ -137,7 +153,7 @@ fn end_record(fields: &mut Fields<'_>) -> Option<EndRecord> {
 }
 
 /// The same from the 64-bit records before the end record at `end`, if they are there.
-fn find_end_64(reader: &mut (impl Read + Seek), end: u64) -> Result<Option<(u64, u64, u64, u64)>, Error> {
+fn find_end_64(reader: &mut (impl Read + Seek), end: u64) -> Result<Option<End>, Error> {
     let Some(at) = end.checked_sub(LOCATOR_BYTES as u64) else { return Ok(None) };
     let locator = read_at(reader, at, LOCATOR_BYTES)?;
     let mut fields = Fields(&locator);
@@ -152,7 +168,8 @@ fn find_end_64(reader: &mut (impl Read + Seek), end: u64) -> Result<Option<(u64,
         let known = fields.u32()? == END_64;
         // Its own size, versions, volumes, and the members in this one.
         fields.bytes(8 + 4 + 8 + 8)?;
-        known.then_some((fields.u64()?, fields.u64()?, fields.u64()?, place))
+        let (count, size, offset) = (fields.u64()?, fields.u64()?, fields.u64()?);
+        known.then_some(End { count, size, offset, place })
     };
     read(&mut fields).map(Some).ok_or_else(wrong)
 }

@@ -3,11 +3,12 @@
 use lanesim_kernels::collision::{origin, reference};
 use lanesim_kernels::constraint::{Cone, ContactRow, DofLaw, DofRowKind, Law};
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{NONE, Sides};
+use lanesim_kernels::model::{Equality, NONE, Sides};
 
 use super::{Kind, View, number};
 
 /// MuJoCo's numbers for the types of rows.
+const EQUALITY: i32 = 0;
 const FRICTION_DOF: i32 = 1;
 const LIMIT_JOINT: i32 = 3;
 const CONTACT_FRICTIONLESS: i32 = 5;
@@ -43,7 +44,13 @@ pub(super) fn count_rows<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> usize
     let acts = |d: &L| d.get(lane).to_f64() > 0.0;
     let contacts =
         constraint.contact_rows.iter().filter(|row| acts(&constraint.law(row).d())).map(|row| row.rows() as usize);
-    constraint.dof_laws().filter(|law| acts(&law.d())).count() + contacts.sum::<usize>()
+    let equality = equality_rows(view).filter(|(_, row)| acts(&constraint.equality.d[*row])).count();
+    equality + constraint.dof_laws().filter(|law| acts(&law.d())).count() + contacts.sum::<usize>()
+}
+
+/// The rows of equality constraints that may act, each with its constraint.
+fn equality_rows<'a, L: LaneQuery>(view: &'a View<'_, L>) -> impl Iterator<Item = (&'a Equality<L::Real>, usize)> {
+    view.tables.equalities.iter().flat_map(|equality| equality.rows().map(move |row| (equality, row)))
 }
 
 /// An output with one entry per contact or row.
@@ -109,6 +116,12 @@ fn listed<L: LaneQuery>(view: &View<'_, L>, lane: usize) -> Vec<Contact> {
 fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact], forces: bool) -> Vec<Row> {
     let constraint = &view.workspace.constraint;
     let mut out = Vec::new();
+    for (equality, row) in equality_rows(view) {
+        if constraint.equality.d[row].get(lane).to_f64() > 0.0 {
+            let force = if forces { number(&view.workspace.solver.force.equality[row], lane) } else { 0.0 };
+            out.push(equality_row(view, lane, (equality, row), force));
+        }
+    }
     for (i, law) in constraint.dof_laws().enumerate() {
         if law.d().get(lane).to_f64() > 0.0 {
             let force = if forces { number(&view.workspace.solver.force.dof[i], lane) } else { 0.0 };
@@ -128,6 +141,29 @@ fn rows<L: LaneQuery>(view: &View<'_, L>, lane: usize, contacts: &mut [Contact],
         }
     }
     out
+}
+
+fn equality_row<L: LaneQuery>(
+    view: &View<'_, L>,
+    lane: usize,
+    (equality, row): (&Equality<L::Real>, usize),
+    force: f64,
+) -> Row {
+    let rows = &view.workspace.constraint.equality;
+    let mut jacobian = vec![0.0; view.tables.sizes.nv];
+    for (dof, column) in rows.columns(view.tables, equality) {
+        jacobian[dof] = number(&column[row - equality.row as usize], lane);
+    }
+    Row {
+        kind: EQUALITY,
+        id: equality.id as usize,
+        jacobian,
+        pos: number(&rows.pos[row], lane),
+        margin: 0.0,
+        d: number(&rows.d[row], lane),
+        aref: -number(&rows.reference[row], lane),
+        force,
+    }
 }
 
 fn dof_row<L: LaneQuery>(view: &View<'_, L>, lane: usize, law: DofLaw<'_, L>, force: f64) -> Row {

@@ -94,13 +94,14 @@ enum Kind {
 }
 
 /// Names, and one line each of what they are.
-const TABLE: [(&str, Kind, &str); 61] = [
+const TABLE: [(&str, Kind, &str); 62] = [
     ("time", Kind::State(Field::Time), "time, s"),
     ("qpos", Kind::State(Field::Qpos), "positions"),
     ("qvel", Kind::State(Field::Qvel), "velocities"),
     ("act", Kind::State(Field::Act), "activations"),
     ("ctrl", Kind::State(Field::Ctrl), "controls"),
     ("qacc_warmstart", Kind::State(Field::QaccWarmstart), "start of the solver: qacc - qacc_smooth of the last step"),
+    ("eq_active", Kind::State(Field::EqActive), "whether each equality constraint is active, 1 or 0"),
     ("qfrc_applied", Kind::State(Field::QfrcApplied), "generalised forces from outside"),
     ("xfrc_applied", Kind::State(Field::XfrcApplied), "forces and torques on bodies from outside"),
     ("state", Kind::FullPhysics, "time, qpos, qvel and act in one row"),
@@ -148,7 +149,7 @@ const TABLE: [(&str, Kind, &str); 61] = [
     ("contact_margin", Kind::ContactMargin, "distance below which force acts, m"),
     ("contact_efc", Kind::ContactEfc, "first row of each contact, or -1"),
     ("efc_type", Kind::EfcType, "types of rows"),
-    ("efc_id", Kind::EfcId, "dof, joint or contact of each row"),
+    ("efc_id", Kind::EfcId, "equality constraint, dof, joint or contact of each row"),
     ("efc_J", Kind::EfcJ, "constraint Jacobian, dense"),
     ("efc_pos", Kind::EfcPos, "violations of rows"),
     ("efc_margin", Kind::EfcMargin, "margins of rows"),
@@ -247,6 +248,11 @@ impl Output {
             // What a forward run flags, it flags anywhere up to the solver.
             QfrcConstraint | Qacc | SolverNiter | SolverResidual | EfcForce | Status => Stage::Solver,
         })
+    }
+
+    /// Whether it follows from the state that a step starts from; the state itself and the status are what the step leaves.
+    pub(crate) fn derived(&self) -> bool {
+        self.stage().is_some() && self.kind != Kind::Status
     }
 
     /// Whether it needs the solver's residual.

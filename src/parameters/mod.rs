@@ -8,6 +8,7 @@
 mod worlds;
 
 use lanesim_kernels::model::{Model as Tables, Quantities, Quantity, Transmission};
+use lanesim_kernels::options::Integrator;
 
 use crate::compile::{self, MINMU, Weights, potential};
 use crate::error::Error;
@@ -48,7 +49,7 @@ const STALE: &str = " (inverse weights of limits and contacts and the mean inert
 const MINVAL: f64 = 1e-15;
 
 /// What follows from masses, inertias and armature.
-pub(crate) const WEIGHTS: [Quantity; 9] = [
+pub(crate) const WEIGHTS: [Quantity; 10] = [
     Quantity::Link,
     Quantity::Compensation,
     Quantity::Armature,
@@ -58,6 +59,7 @@ pub(crate) const WEIGHTS: [Quantity; 9] = [
     Quantity::BodyMass,
     Quantity::StillPotential,
     Quantity::Grip,
+    Quantity::EqualityWeight,
 ];
 
 /// Numbers of MuJoCo's arrays of gains and biases per actuator.
@@ -342,7 +344,8 @@ pub(crate) fn widened(model: &Model, set: Quantities) -> Tables<f64> {
         features.gravcomp = (flags.spring || flags.damper) && tables.links.iter().any(|link| link.gravcomp != 0.0);
     }
     if set.has(Quantity::Damping) {
-        (features.dampers, features.implicit_damping) = (flags.damper, flags.damper && flags.eulerdamp);
+        let euler = tables.options.integrator == Integrator::Euler;
+        (features.dampers, features.implicit_damping) = (flags.damper, flags.damper && flags.eulerdamp && euler);
         tables.dofs.iter_mut().for_each(|dof| dof.damped = true);
     }
     if set.has(Quantity::Stiffness) {

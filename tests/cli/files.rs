@@ -142,6 +142,62 @@ fn what_arrays_may_take_has_a_limit_that_can_be_raised() {
     fails(&[&eval[..], &["1X"]].concat(), 2, "such as 500M or 8G");
 }
 
+/// Sizes whose product overflows are a shape all the same where one of them is 0.
+#[test]
+fn states_that_cannot_be_counted_are_an_error() {
+    let folder = Folder::new("uncounted");
+    let states = folder.write("s.npz", "act", &[1 << 40, 1 << 40, 0], vec![]);
+    let args = ["eval", ANT, "--input", &states, "-o", &folder.path("out.npz"), "--outputs", "qpos"];
+    fails(&args, 1, "array `act` has more states than can be counted");
+}
+
+/// Included files are read too, and an output replaces none of them.
+#[test]
+fn an_output_never_replaces_an_included_file() {
+    let folder = Folder::new("included");
+    let main = folder.path("main.xml");
+    std::fs::write(&main, "<mujoco><include file='inc1.xml'/></mujoco>").unwrap();
+    let (first, second) = (folder.path("inc1.xml"), folder.path("inc2.xml"));
+    std::fs::write(&first, "<mujoco><worldbody><include file='inc2.xml'/></worldbody></mujoco>").unwrap();
+    std::fs::write(&second, "<mujoco><body><joint/><geom size='.1'/></body></mujoco>").unwrap();
+    let empty = folder.path("empty.npz");
+    npz::write(Path::new(&empty), &[]).unwrap();
+    for out in [&first, &second] {
+        let old = std::fs::read(out).unwrap();
+        let words = format!("--output {out} would replace the input {out}; give another name");
+        fails(&["eval", &main, "--input", &empty, "-o", out, "--outputs", "qpos"], 2, &words);
+        fails(&["rollout", &main, "--worlds", "1", "--steps", "1", "-o", out], 2, &words);
+        assert_eq!(std::fs::read(out).unwrap(), old);
+    }
+}
+
+/// An array too many among the controls is named with a remedy, and before the numbers of others are looked at.
+#[test]
+fn spare_arrays_among_controls_are_named_first() {
+    let folder = Folder::new("spare");
+    let controls = folder.path("u.npz");
+    let array = |values: Vec<f64>| Array::new(vec![1, 1, 8], Data::F64(values)).unwrap();
+    let arrays = [("ctrl".to_owned(), array(vec![f64::NAN; 8])), ("zzz".to_owned(), array(vec![0.0; 8]))];
+    npz::write(Path::new(&controls), &arrays).unwrap();
+    let out = folder.path("out.npz");
+    let args = ["rollout", ANT, "--worlds", "1", "--steps", "1", "--controls", &controls, "-o", &out];
+    fails(&args, 1, "array `zzz` is not known here; valid: ctrl");
+}
+
+/// `--max-memory` holds for states that are filled up from a keyframe, too.
+#[test]
+fn states_from_a_keyframe_are_held_against_the_limit() {
+    let folder = Folder::new("keyframe-memory");
+    let states = folder.write("s.npz", "time", &[100_000], vec![0.0; 100_000]);
+    let (arm, out) = ("models/zoo/arm.xml", folder.path("out.npz"));
+    let args =
+        ["eval", arm, "--input", &states, "--keyframe", "0", "-o", &out, "--outputs", "time", "--max-memory", "1M"];
+    fails(&args, 1, "the states would take");
+    fails(&args, 1, "allowed (--max-memory)");
+    let args = ["rollout", ANT, "--worlds", "1", "--steps", "1", "--max-memory", "1k", "-o", &out];
+    fails(&args, 1, "--max-memory");
+}
+
 /// `eval` under a limit on memory says so; it used to abort. At every limit it does its work or says why not.
 #[cfg(target_os = "linux")]
 #[test]

@@ -143,7 +143,10 @@ fn wrong_arrays_are_named() {
     let nan = folder.write("nan.npz", "ctrl", &[4, 100, 8], values);
     with(["--controls"], &nan, "array `ctrl` holds NaN at [1, 1, 3]");
     let name = folder.write("name.npz", "control", &[4, 100, 8], vec![0.0; 3200]);
-    with(["--controls"], &name, "has no array `ctrl`");
+    with(["--controls"], &name, "array `control` is not known here; valid: ctrl");
+    let empty = folder.path("empty.npz");
+    npz::write(Path::new(&empty), &[]).unwrap();
+    with(["--controls"], &empty, "has no array `ctrl`");
     let more = folder.path("more.npz");
     let zeros = |shape: &[usize]| Array::new(shape.to_vec(), Data::F64(vec![0.0; shape.iter().product()])).unwrap();
     npz::write(Path::new(&more), &[("qpso".into(), zeros(&[4, 15])), ("qvel".into(), zeros(&[4, 14]))]).unwrap();
@@ -213,6 +216,36 @@ fn eval_computes_fields() {
     succeeds(&["eval", ANT, "--input", &states, "--output", &out, "--outputs", "time", "--steps", "3"]);
     assert_eq!(npz::read(Path::new(&out)).unwrap()["time"].to_f64().as_ref(), [0.012; 5]);
     fails(&["eval", ANT, "--input", &states, "--output", &out, "--outputs", "qaccc"], 2, "qaccc");
+}
+
+#[test]
+fn inverse_computes_forces() {
+    let folder = Folder::new("inverse");
+    let write = |name: &str, rows: usize, of: &[(&str, usize)]| {
+        let path = folder.path(name);
+        let arrays: Vec<_> = of
+            .iter()
+            .map(|(name, width)| {
+                ((*name).to_owned(), Array::new(vec![rows, *width], Data::F64(vec![0.1; rows * width])).unwrap())
+            })
+            .collect();
+        npz::write(Path::new(&path), &arrays).unwrap();
+        path
+    };
+    let out = folder.path("out.npz");
+    let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14), ("qacc", 14), ("tme", 1), ("ctrl", 8)]);
+    fails(&["inverse", ANT, "--states", &states, "-o", &out], 1, "array `tme` is not known here; did you mean");
+    let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14), ("qacc", 14), ("ctrl", 8)]);
+    succeeds(&["inverse", ANT, "--states", &states, "-o", &out]);
+    assert_eq!(npz::read(Path::new(&out)).unwrap()["qfrc_inverse"].shape(), [4, 14]);
+    let discrete = ["--option", "invdiscrete=enable", "--option", "integrator=RK4"];
+    fails(
+        &[&["inverse", ANT, "--states", &states, "-o", &out], &discrete[..]].concat(),
+        2,
+        "do not go with integrator RK4",
+    );
+    let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14)]);
+    fails(&["inverse", ANT, "--states", &states, "-o", &out], 1, "has no array `qacc`; give qpos, qvel and qacc");
 }
 
 #[test]

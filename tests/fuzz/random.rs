@@ -1,23 +1,22 @@
 //! Random choices from a seed and a number: an execution is the same wherever it runs.
 
-/// A stream of numbers (splitmix64).
-pub struct Random(u64);
+#[allow(dead_code)] // what other tests draw
+#[path = "../support/random.rs"]
+mod stream;
+
+/// A stream of choices.
+pub struct Random(stream::Random);
 
 impl Random {
     /// The stream of execution `index` of a run with `seed`.
     pub fn new(seed: u64, index: u64) -> Random {
-        let mut random = Random(seed ^ index.wrapping_mul(0xd134_2543_de82_ef95));
-        random.0 = random.next();
-        random
+        let first = stream::Random(seed ^ index.wrapping_mul(0xd134_2543_de82_ef95)).bits();
+        Random(stream::Random(first))
     }
 
     /// 64 bits.
     pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^ (x >> 31)
+        self.0.bits()
     }
 
     /// A number below `n`; 0 if `n` is.
@@ -37,7 +36,7 @@ impl Random {
 
     /// A number in [0, 1).
     pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+        self.0.uniform(0.0, 1.0)
     }
 
     /// A finite number, now and then one at the end of what there is.

@@ -15,127 +15,127 @@ const BODY: &str =
     "body frame replicate joint freejoint geom site inertial camera light include composite flexcomp plugin";
 const ACTUATORS: &str = "motor position velocity general damper intvelocity cylinder muscle adhesion plugin";
 
+const fn row(tag: &'static str, attributes: &'static str, children: &'static str) -> Rule {
+    Rule { tag, attributes, children }
+}
+
 pub const RULES: &[Rule] = &[
-    Rule {
-        tag: "mujoco",
-        attributes: "model=t",
-        children: "compiler option size default asset worldbody contact actuator keyframe custom visual statistic sensor \
+    row(
+        "mujoco",
+        "model=t",
+        "compiler option size default asset worldbody contact actuator keyframe custom visual statistic sensor \
             tendon equality deformable extension include",
-    },
-    Rule {
-        tag: "compiler",
-        attributes: "angle=radian|degree autolimits=b eulerseq=xyz|XYZ|zyx|zXy|xxx inertiafromgeom=true|false|auto \
+    ),
+    row(
+        "compiler",
+        "angle=radian|degree autolimits=b eulerseq=xyz|XYZ|zyx|zXy|xxx inertiafromgeom=true|false|auto \
             balanceinertia=b boundmass=n boundinertia=n settotalmass=n fusestatic=b coordinate=local|global \
             discardvisual=b inertiagrouprange=v2 alignfree=b saveinertial=b strippath=b meshdir=t assetdir=t",
-        children: "lengthrange",
-    },
-    Rule {
-        tag: "option",
-        attributes: "timestep=n gravity=v3 integrator=Euler|RK4|implicit|implicitfast|midpoint cone=pyramidal|elliptic \
+        "lengthrange",
+    ),
+    row(
+        "option",
+        "timestep=n gravity=v3 integrator=Euler|RK4|implicit|implicitfast|midpoint cone=pyramidal|elliptic \
             solver=Newton|CG|PGS iterations=i tolerance=n ls_iterations=i ls_tolerance=n noslip_iterations=i \
             noslip_tolerance=n impratio=n wind=v3 density=n viscosity=n magnetic=v3 o_margin=n o_solref=v2 o_solimp=v5 \
             o_friction=v5 jacobian=dense|sparse|auto ccd_iterations=i actuatorgroupdisable=v3 sdf_iterations=i",
-        children: "flag",
-    },
-    Rule {
-        tag: "flag",
-        attributes: "constraint=e equality=e frictionloss=e limit=e contact=e passive=e spring=e damper=e gravity=e \
+        "flag",
+    ),
+    row(
+        "flag",
+        "constraint=e equality=e frictionloss=e limit=e contact=e passive=e spring=e damper=e gravity=e \
             clampctrl=e warmstart=e filterparent=e actuation=e refsafe=e sensor=e midphase=e eulerdamp=e autoreset=e \
             override=e energy=e fwdinv=e invdiscrete=e multiccd=e island=e nativeccd=e",
-        children: "",
-    },
-    Rule {
-        tag: "size",
-        attributes: "memory=t njmax=i nconmax=i nstack=i nuserdata=i nkey=i nuser_geom=i",
-        children: "",
-    },
-    Rule {
-        tag: "default",
-        attributes: "class=CLASS",
-        children: "default joint geom site motor position velocity general pair camera mesh material equality tendon",
-    },
-    Rule { tag: "asset", attributes: "", children: "mesh texture material hfield" },
-    Rule { tag: "mesh", attributes: "name=MESH file=f vertex=v9 scale=v3 class=@CLASS", children: "" },
-    Rule { tag: "hfield", attributes: "name=HFIELD nrow=i ncol=i size=v4 elevation=v9 file=f", children: "" },
-    Rule { tag: "texture", attributes: "name=t type=2d|cube builtin=flat width=i height=i file=f", children: "" },
-    Rule { tag: "material", attributes: "name=MATERIAL rgba=v4 texture=t class=@CLASS", children: "" },
-    Rule { tag: "worldbody", attributes: "", children: BODY },
-    Rule {
-        tag: "body",
-        attributes: "name=BODY childclass=@CLASS mocap=b gravcomp=n user=v3 pos=v3 quat=v4 euler=v3 axisangle=v4 zaxis=v3",
-        children: BODY,
-    },
-    Rule { tag: "frame", attributes: "name=FRAME childclass=@CLASS pos=v3 quat=v4 euler=v3", children: BODY },
-    Rule { tag: "replicate", attributes: "count=i offset=v3 euler=v3 sep=t childclass=@CLASS", children: BODY },
-    Rule { tag: "inertial", attributes: "pos=v3 mass=n diaginertia=v3 fullinertia=v6 quat=v4 euler=v3", children: "" },
-    Rule {
-        tag: "joint",
-        attributes: "name=JOINT class=@CLASS type=hinge|slide|ball|free pos=v3 axis=v3 range=v2 limited=true|false|auto \
+        "",
+    ),
+    row("size", "memory=t njmax=i nconmax=i nstack=i nuserdata=i nkey=i nuser_geom=i", ""),
+    row(
+        "default",
+        "class=CLASS",
+        "default joint geom site motor position velocity general pair camera mesh material equality tendon",
+    ),
+    row("asset", "", "mesh texture material hfield"),
+    row("mesh", "name=MESH file=f vertex=v9 scale=v3 class=@CLASS", ""),
+    row("hfield", "name=HFIELD nrow=i ncol=i size=v4 elevation=v9 file=f", ""),
+    row("texture", "name=t type=2d|cube builtin=flat width=i height=i file=f", ""),
+    row("material", "name=MATERIAL rgba=v4 texture=t class=@CLASS", ""),
+    row("worldbody", "", BODY),
+    row(
+        "body",
+        "name=BODY childclass=@CLASS mocap=b gravcomp=n user=v3 pos=v3 quat=v4 euler=v3 axisangle=v4 zaxis=v3",
+        BODY,
+    ),
+    row("frame", "name=FRAME childclass=@CLASS pos=v3 quat=v4 euler=v3", BODY),
+    row("replicate", "count=i offset=v3 euler=v3 sep=t childclass=@CLASS", BODY),
+    row("inertial", "pos=v3 mass=n diaginertia=v3 fullinertia=v6 quat=v4 euler=v3", ""),
+    row(
+        "joint",
+        "name=JOINT class=@CLASS type=hinge|slide|ball|free pos=v3 axis=v3 range=v2 limited=true|false|auto \
             stiffness=n damping=n armature=n frictionloss=n springref=n ref=n margin=n springdamper=v2 solreflimit=v2 \
             solimplimit=v5 solreffriction=v2 solimpfriction=v5 actuatorfrcrange=v2 actuatorfrclimited=b \
             actuatorgravcomp=b group=i user=v2",
-        children: "",
-    },
-    Rule { tag: "freejoint", attributes: "name=JOINT group=i align=true|false|auto", children: "" },
-    Rule {
-        tag: "geom",
-        attributes: "name=GEOM class=@CLASS type=plane|sphere|capsule|ellipsoid|cylinder|box|mesh|hfield|sdf size=v3 \
+        "",
+    ),
+    row("freejoint", "name=JOINT group=i align=true|false|auto", ""),
+    row(
+        "geom",
+        "name=GEOM class=@CLASS type=plane|sphere|capsule|ellipsoid|cylinder|box|mesh|hfield|sdf size=v3 \
             fromto=v6 mass=n density=n friction=v3 condim=i contype=i conaffinity=i group=i priority=i margin=n gap=n \
             solref=v2 solimp=v5 solmix=n pos=v3 quat=v4 euler=v3 axisangle=v4 xyaxes=v6 zaxis=v3 mesh=@MESH \
             hfield=@HFIELD material=@MATERIAL rgba=v4 shellinertia=b fluidshape=none|ellipsoid fluidcoef=v5 user=v3",
-        children: "plugin",
-    },
-    Rule { tag: "site", attributes: "name=SITE class=@CLASS type=sphere|box size=v3 fromto=v6 group=i", children: "" },
-    Rule { tag: "camera", attributes: "name=t mode=fixed|track fovy=n target=@BODY pos=v3 xyaxes=v6", children: "" },
-    Rule { tag: "light", attributes: "name=t mode=fixed dir=v3 pos=v3 target=@BODY directional=b", children: "" },
-    Rule { tag: "composite", attributes: "type=cable|grid|particle count=v3 size=v3 prefix=t", children: "geom joint" },
-    Rule { tag: "flexcomp", attributes: "name=t type=grid count=v3 spacing=v3 dim=i file=f", children: "" },
-    Rule { tag: "contact", attributes: "", children: "pair exclude" },
-    Rule {
-        tag: "pair",
-        attributes: "name=t class=@CLASS geom1=@GEOM geom2=@GEOM condim=i friction=v5 solref=v2 solreffriction=v2 \
+        "plugin",
+    ),
+    row("site", "name=SITE class=@CLASS type=sphere|box size=v3 fromto=v6 group=i", ""),
+    row("camera", "name=t mode=fixed|track fovy=n target=@BODY pos=v3 xyaxes=v6", ""),
+    row("light", "name=t mode=fixed dir=v3 pos=v3 target=@BODY directional=b", ""),
+    row("composite", "type=cable|grid|particle count=v3 size=v3 prefix=t", "geom joint"),
+    row("flexcomp", "name=t type=grid count=v3 spacing=v3 dim=i file=f", ""),
+    row("contact", "", "pair exclude"),
+    row(
+        "pair",
+        "name=t class=@CLASS geom1=@GEOM geom2=@GEOM condim=i friction=v5 solref=v2 solreffriction=v2 \
             solimp=v5 margin=n gap=n",
-        children: "",
-    },
-    Rule { tag: "exclude", attributes: "name=t body1=@BODY body2=@BODY", children: "" },
-    Rule { tag: "actuator", attributes: "", children: ACTUATORS },
-    Rule {
-        tag: "motor",
-        attributes: "name=ACTUATOR class=@CLASS joint=@JOINT jointinparent=@JOINT site=@SITE tendon=t gear=v6 ctrlrange=v2 \
+        "",
+    ),
+    row("exclude", "name=t body1=@BODY body2=@BODY", ""),
+    row("actuator", "", ACTUATORS),
+    row(
+        "motor",
+        "name=ACTUATOR class=@CLASS joint=@JOINT jointinparent=@JOINT site=@SITE tendon=t gear=v6 ctrlrange=v2 \
             ctrllimited=true|false|auto forcerange=v2 forcelimited=b group=i armature=n damping=n lengthrange=v2 delay=n \
             refsite=@SITE body=@BODY cranksite=@SITE slidersite=@SITE user=v2",
-        children: "",
-    },
-    Rule {
-        tag: "position",
-        attributes: "name=ACTUATOR class=@CLASS joint=@JOINT kp=n kv=n dampratio=n timeconst=n inheritrange=n ctrlrange=v2 \
+        "",
+    ),
+    row(
+        "position",
+        "name=ACTUATOR class=@CLASS joint=@JOINT kp=n kv=n dampratio=n timeconst=n inheritrange=n ctrlrange=v2 \
             forcerange=v2 gear=v1",
-        children: "",
-    },
-    Rule { tag: "velocity", attributes: "name=ACTUATOR joint=@JOINT kv=n ctrlrange=v2 gear=v1", children: "" },
-    Rule {
-        tag: "general",
-        attributes: "name=ACTUATOR class=@CLASS joint=@JOINT dyntype=none|integrator|filter|filterexact|muscle|user \
+        "",
+    ),
+    row("velocity", "name=ACTUATOR joint=@JOINT kv=n ctrlrange=v2 gear=v1", ""),
+    row(
+        "general",
+        "name=ACTUATOR class=@CLASS joint=@JOINT dyntype=none|integrator|filter|filterexact|muscle|user \
             gaintype=fixed|affine|muscle biastype=none|affine|muscle dynprm=v3 gainprm=v3 biasprm=v3 actlimited=b \
             actrange=v2 actdim=i actearly=b ctrlrange=v2 forcerange=v2 gear=v6 input=t",
-        children: "",
-    },
-    Rule { tag: "damper", attributes: "name=ACTUATOR joint=@JOINT kv=n ctrlrange=v2", children: "" },
-    Rule { tag: "intvelocity", attributes: "name=ACTUATOR joint=@JOINT kp=n kv=n actrange=v2", children: "" },
-    Rule { tag: "cylinder", attributes: "name=ACTUATOR joint=@JOINT area=n diameter=n bias=v3", children: "" },
-    Rule { tag: "muscle", attributes: "name=ACTUATOR joint=@JOINT timeconst=v2 range=v2 force=n", children: "" },
-    Rule { tag: "keyframe", attributes: "", children: "key" },
-    Rule { tag: "key", attributes: "name=t time=n qpos=v7 qvel=v6 act=v2 ctrl=v2 mpos=v3 mquat=v4", children: "" },
-    Rule { tag: "custom", attributes: "", children: "numeric text tuple" },
-    Rule { tag: "numeric", attributes: "name=t size=i data=v3", children: "" },
-    Rule { tag: "text", attributes: "name=t data=t", children: "" },
-    Rule { tag: "sensor", attributes: "", children: "jointpos gyro" },
-    Rule { tag: "jointpos", attributes: "name=t joint=@JOINT noise=n", children: "" },
-    Rule { tag: "gyro", attributes: "name=t site=@SITE", children: "" },
-    Rule { tag: "equality", attributes: "", children: "weld connect" },
-    Rule { tag: "weld", attributes: "body1=@BODY body2=@BODY active=b relpose=v7", children: "" },
-    Rule { tag: "connect", attributes: "body1=@BODY body2=@BODY anchor=v3", children: "" },
-    Rule { tag: "include", attributes: "file=f", children: "" },
+        "",
+    ),
+    row("damper", "name=ACTUATOR joint=@JOINT kv=n ctrlrange=v2", ""),
+    row("intvelocity", "name=ACTUATOR joint=@JOINT kp=n kv=n actrange=v2", ""),
+    row("cylinder", "name=ACTUATOR joint=@JOINT area=n diameter=n bias=v3", ""),
+    row("muscle", "name=ACTUATOR joint=@JOINT timeconst=v2 range=v2 force=n", ""),
+    row("keyframe", "", "key"),
+    row("key", "name=t time=n qpos=v7 qvel=v6 act=v2 ctrl=v2 mpos=v3 mquat=v4", ""),
+    row("custom", "", "numeric text tuple"),
+    row("numeric", "name=t size=i data=v3", ""),
+    row("text", "name=t data=t", ""),
+    row("sensor", "", "jointpos gyro"),
+    row("jointpos", "name=t joint=@JOINT noise=n", ""),
+    row("gyro", "name=t site=@SITE", ""),
+    row("equality", "", "weld connect"),
+    row("weld", "body1=@BODY body2=@BODY active=b relpose=v7", ""),
+    row("connect", "body1=@BODY body2=@BODY anchor=v3", ""),
+    row("include", "file=f", ""),
 ];
 
 /// The rule of a tag.

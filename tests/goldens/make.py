@@ -6,7 +6,7 @@
 
 One file per model. Names are MuJoCo's, behind a prefix:
 
-    in/     qpos qvel ctrl qfrc_applied xfrc_applied, [N, ...]: the states
+    in/     qpos qvel ctrl qfrc_applied xfrc_applied, eq_active if there are any, [N, ...]: the states
     out/    what mj_forward leaves behind at each state, [N, ...]; contacts and constraint rows are padded with zeros to the
             largest count, `out/ncon` and `out/nefc` say how many count
     next/   qpos and qvel after one mj_step (Euler)
@@ -37,7 +37,8 @@ MODEL = (
     "jnt_type jnt_bodyid jnt_qposadr jnt_dofadr jnt_pos jnt_axis jnt_stiffness jnt_range jnt_limited dof_bodyid dof_parentid "
     "dof_armature dof_damping dof_invweight0 geom_type geom_bodyid geom_size geom_pos geom_quat geom_rbound site_bodyid site_pos "
     "site_quat actuator_gear actuator_gainprm actuator_biasprm actuator_ctrlrange actuator_forcerange actuator_acc0 "
-    "actuator_ctrllimited actuator_forcelimited key_time key_qpos key_qvel key_ctrl"
+    "actuator_ctrllimited actuator_forcelimited key_time key_qpos key_qvel key_ctrl eq_type eq_obj1id eq_obj2id eq_objtype "
+    "eq_active0 eq_solref eq_solimp eq_data"
 ).split()
 FIELDS = (
     "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length actuator_velocity qfrc_bias "
@@ -101,6 +102,13 @@ def anywhere(model, rng):
     return data
 
 
+def toggled(model, rng):
+    """Anywhere, and of the equality constraints about half active."""
+    data = anywhere(model, rng)
+    data.eq_active[:] = rng.integers(0, 2, model.neq)
+    return data
+
+
 def settled(model, rng):
     """After a while under control noise."""
     data = mujoco.MjData(model)
@@ -121,16 +129,22 @@ def move(model, qpos, by):
         mujoco.mj_integratePos(model, qpos, by, 1.0)
 
 
+def inputs(model):
+    """What makes up a state."""
+    return INPUTS + ("eq_active",) * (model.neq > 0)
+
+
 def collect(model, rng):
-    """Up to four states: at rest, random with applied forces, two settled; of several each, the one with most contacts."""
+    """Up to four states: at rest, random with applied forces, two settled; of several each, the one with most contacts. Where
+    there are equality constraints, a fifth: random, with others active."""
     lo, hi = control_range(model)
     states = []
-    for kind in (at_rest, anywhere, settled, settled):
+    for kind in (at_rest, anywhere, settled, settled) + (toggled,) * (model.neq > 0):
         found = []
         for _ in range(TRIES):
             data = kind(model, rng)
             data.ctrl[:] = rng.uniform(lo, hi) * 1.2
-            state = {k: np.array(getattr(data, k)) for k in INPUTS}
+            state = {k: np.array(getattr(data, k)) for k in inputs(model)}
             if steady(model, state):
                 found.append(state)
             if len(found) == CHOICES:
@@ -230,9 +244,9 @@ def record(path):
         raise SystemExit(f"{path}: not stable under control noise")
     converge(model)
     states = collect(model, rng)
-    arrays = {"size/" + k: np.array(getattr(model, k)) for k in SIZES}
+    arrays = {"size/" + k: np.array(getattr(model, k)) for k in SIZES + ["neq"] * (model.neq > 0)}
     arrays.update({"model/" + k: np.array(getattr(model, k)) for k in MODEL})
-    arrays.update({"in/" + k: np.array([s[k] for s in states]) for k in INPUTS})
+    arrays.update({"in/" + k: np.array([s[k] for s in states]) for k in inputs(model)})
     outs, after = [], {"qpos": [], "qvel": []}
     for state in states:
         data = forward(model, state)

@@ -38,7 +38,7 @@ CONES = ("pyramidal", "elliptic")
 DIMENSIONS = (1, 3, 4, 6)
 # Not the plane scenes: where five friction rows act on a body of four dofs, MuJoCo gives up on the singular block and sets its
 # friction to zero.
-NOSLIP = ("dry", "impratio", "pairs", "priority", "sphere_sphere")
+NOSLIP = ("dry", "equality", "impratio", "pairs", "priority", "sphere_sphere")
 Type = mujoco.mjtConstraint
 Extended = np.longdouble
 
@@ -76,7 +76,7 @@ class Problem:
             if kind == Type.mjCNSTR_FRICTION_DOF:
                 f[i] = np.clip(pull, -self.loss[i], self.loss[i])
                 K[i, i] = self.D[i] if abs(pull) < self.loss[i] else 0
-            elif pull > 0:
+            elif pull > 0 or kind == Type.mjCNSTR_EQUALITY:
                 f[i], K[i, i] = pull, self.D[i]
         for start, dim, mu, friction in self.elliptic:
             rows = slice(start, start + dim)

@@ -24,10 +24,18 @@ const CONVERGED: [(&str, &str); 3] = [("tolerance", "1e-14"), ("ls_tolerance", "
 impl Golden {
     /// The model and its file.
     pub fn read(name: &str) -> Golden {
-        let file = name.split('/').next_back().unwrap_or(name);
-        let path = repository("tests/goldens").join(format!("{file}.npz"));
-        let arrays = npz::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        Golden { name: name.into(), model: load_with(name, &CONVERGED), arrays }
+        Golden::read_with(name, &[])
+    }
+
+    /// The same with other options.
+    pub fn read_with(name: &str, overrides: &[(&str, &str)]) -> Golden {
+        let overrides: Vec<_> = CONVERGED.iter().chain(overrides).copied().collect();
+        Golden { name: name.into(), model: load_with(name, &overrides), arrays: recorded("tests/goldens", name) }
+    }
+
+    /// Steps of other integrators, and inverse dynamics.
+    pub fn steps(&self) -> BTreeMap<String, Array> {
+        recorded("tests/goldens/steps", &self.name)
     }
 
     /// Every model of the repository.
@@ -67,6 +75,13 @@ impl Golden {
             eval(&self.model, &inputs, fields, nstep, options).unwrap_or_else(|e| panic!("{}: {e}", self.name));
         outputs.into_iter().map(|(name, array)| (name, self.rows(&array.to_f64()))).collect()
     }
+}
+
+/// A model's file in a folder.
+fn recorded(folder: &str, name: &str) -> BTreeMap<String, Array> {
+    let file = name.split('/').next_back().unwrap_or(name);
+    let path = repository(folder).join(format!("{file}.npz"));
+    npz::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
 /// Collects what is wrong, to name everything at once.

@@ -66,10 +66,7 @@ pub fn actuation<L: Lane>(
     actuation: &mut Actuation<L>,
 ) -> L::Mask {
     let State { qpos, qvel, ctrl, .. } = state;
-    let mut good = L::Mask::splat(true);
-    for u in ctrl {
-        good = good & u.within(L::Real::MAXVAL);
-    }
+    let good = usable(ctrl);
     actuation.qfrc_actuator.fill(L::zero());
     for (a, actuator) in model.actuators.iter().enumerate() {
         let moment = &mut actuation.moment[actuator.moments.range()];
@@ -88,8 +85,7 @@ pub fn actuation<L: Lane>(
             actuation.force[a] = L::zero();
             continue;
         }
-        let u = L::select(good, ctrl[a], L::zero());
-        let force = force(model, a, u, length, velocity);
+        let force = force(model, a, control(&model, a, good, ctrl), length, velocity);
         actuation.force[a] = force;
         for (out, moment) in actuation.qfrc_actuator[dof..].iter_mut().zip(&*moment) {
             *out = moment.mul_add(force, *out);
@@ -102,13 +98,28 @@ pub fn actuation<L: Lane>(
     !good
 }
 
+/// The lanes in which all controls are usable numbers.
+pub(crate) fn usable<L: Lane>(ctrl: &[L]) -> L::Mask {
+    ctrl.iter().fold(L::Mask::splat(true), |good, u| good & u.within(L::Real::MAXVAL))
+}
+
+#[inline(always)]
+fn clamp<L: Lane>(x: L, range: &[L::Real; 2]) -> L {
+    x.clamp(L::splat(range[0]), L::splat(range[1]))
+}
+
+/// The control that an actuator acts on, `good` where it is [`usable`].
+#[inline(always)]
+pub(crate) fn control<L: Lane>(model: &Model<L::Real>, a: usize, good: L::Mask, ctrl: &[L]) -> L {
+    let (actuator, u) = (&model.actuators[a], L::select(good, ctrl[a], L::zero()));
+    let limited = actuator.ctrl_limited && model.options.flags.clampctrl;
+    if limited { clamp(u, &actuator.ctrl_range) } else { u }
+}
+
 #[inline(always)]
 fn force<L: Lane>(model: Instance<'_, L>, a: usize, u: L, length: L, velocity: L) -> L {
     let (actuator, gain) = (&model.actuators[a], model.gain(a));
-    let clamp = |x: L, range: &[L::Real; 2]| x.clamp(L::splat(range[0]), L::splat(range[1]));
     let affine = |p: &[L; 3]| p[2].mul_add(velocity, p[1].mul_add(length, p[0]));
-    let limited = actuator.ctrl_limited && model.options.flags.clampctrl;
-    let u = if limited { clamp(u, &actuator.ctrl_range) } else { u };
     let gain = if actuator.gain_affine { affine(&gain) } else { gain[0] };
     let force = if actuator.bias_affine { gain.mul_add(u, affine(&model.bias(a))) } else { gain * u };
     if actuator.force_limited { clamp(force, &actuator.force_range) } else { force }

@@ -47,17 +47,24 @@ pub struct Broad<L> {
     pub near: Vec<u32>,
 }
 
+/// Most tests that have a due time of their own: one of each pair, or two of each group of pairs, of which only the last may
+/// be of one.
+fn most_tests<T>(model: &Model<T>) -> usize {
+    model.pairs.len() + 1
+}
+
 impl<L: Lane> Broad<L> {
     /// Bytes of that.
     pub fn bytes(model: &Model<L::Real>) -> usize {
-        model.pairs.len() * (size_of::<Test>() + size_of::<f64>() + size_of::<u32>()) + model.geoms.len()
+        let pairs = model.pairs.len() * (size_of::<Test>() + size_of::<u32>());
+        pairs + most_tests(model) * size_of::<L>() + model.geoms.len()
     }
 
     /// The tests of the model's pairs, all due.
     pub fn new(model: &Model<L::Real>) -> Self {
         Broad {
             tests: model.pairs.iter().map(|pair| Test::new(model, pair)).collect(),
-            schedule: Schedule { due: Vec::new(), next: [L::zero(); 2] },
+            schedule: Schedule { due: Vec::with_capacity(most_tests(model)), next: [L::zero(); 2] },
             placed: vec![false; model.geoms.len()],
             near: vec![0; model.pairs.len()],
         }

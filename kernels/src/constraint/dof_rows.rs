@@ -121,7 +121,12 @@ const MIN_REGULARISER: f64 = 1e-15;
 #[inline(always)]
 pub(super) fn row<L: Lane>(model: &Impedance<L>, pos: L, speed: L, diagonal: L, factor: L) -> (L, L) {
     let imp = impedance(model, pos);
-    let r = ((L::one() - imp) / imp * diagonal).max(L::of(MIN_REGULARISER));
     let reference = model.b.mul_add(speed, model.k * imp * pos);
-    (L::one() / (r * factor), reference)
+    (L::one() / (regulariser(imp, diagonal) * factor), reference)
+}
+
+/// R = Â (1 - d)/d
+#[inline(always)]
+pub(super) fn regulariser<L: Lane>(imp: L, diagonal: L) -> L {
+    ((L::one() - imp) / imp * diagonal).max(L::of(MIN_REGULARISER))
 }

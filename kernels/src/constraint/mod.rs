@@ -10,11 +10,13 @@
 
 mod contacts;
 mod dof_rows;
+mod equality;
 mod impedance;
 
 pub(crate) use contacts::grow;
 pub use contacts::{Classes, Motion, Numbers, cone, first_dof, kinds, measure, rows_of_pairs};
 pub use dof_rows::{all_dof_rows, dof_lanes, joint_rows};
+pub use equality::{Equalities, equality_rows};
 pub use impedance::impedance;
 
 use crate::lane::Lane;
@@ -251,8 +253,10 @@ pub struct Constraint<L> {
     pub motion: Vec<[L; 6]>,
     /// Jacobians of contacts whose sides both move.
     pub jacobian: Vec<L>,
-    /// Whether some listed contact couples dofs that the inertia matrix does not.
+    /// Whether some listed contact or equality constraint couples dofs that the inertia matrix does not.
     pub cross: bool,
+    /// Equality constraints.
+    pub equality: Equalities<L>,
 }
 
 impl<L: Lane> Constraint<L> {
@@ -276,6 +280,7 @@ impl<L: Lane> Constraint<L> {
             motion: Vec::with_capacity(capacity.components),
             jacobian: Vec::with_capacity(capacity.jacobian),
             cross: false,
+            equality: Equalities::new(model),
         }
     }
 
@@ -286,6 +291,7 @@ impl<L: Lane> Constraint<L> {
             + capacity.contacts * (size_of::<ContactRow>() + size_of::<Strength<L>>())
             + (7 * capacity.components + capacity.jacobian) * size_of::<L>()
             + model.pairs.len() * size_of::<ContactRow>()
+            + Equalities::<L>::bytes(model)
     }
 
     /// The rows on joints.
@@ -329,11 +335,12 @@ impl<L: Lane> Constraint<L> {
             self.dof_lanes.iter_mut().for_each(|lanes| lanes[4] = L::zero());
         }
         self.contact_rows.clear();
+        self.equality.clear();
         (self.joint_lanes, self.contact_lanes, self.cross) = (0, 0, false);
     }
 
     /// Whether no row acts in any world.
     pub fn is_empty(&self) -> bool {
-        self.joint_lanes == 0 && self.contact_rows.is_empty()
+        self.joint_lanes == 0 && self.contact_rows.is_empty() && self.equality.lanes == 0
     }
 }

@@ -17,6 +17,18 @@ pub fn rows<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn
     }
 }
 
+/// Numbers of equality constraints; returns the worlds in which some are active.
+pub fn equalities<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn Executor<L>) -> u32 {
+    if step.model.equalities.is_empty() {
+        return 0;
+    }
+    let mut act = [0; 2];
+    executor.run(Part::new(Op::Equality), alive, &mut act, step);
+    let equality = &mut step.ws.constraint.equality;
+    [equality.lanes, equality.cross] = act;
+    equality.lanes
+}
+
 /// Numbers of the listed contacts.
 fn measure(parts: &mut dyn Parts) {
     const ALL: u32 = u32::MAX;
@@ -27,7 +39,7 @@ fn measure(parts: &mut dyn Parts) {
 /// Lists the contacts that act in some world, and makes room for their numbers.
 fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
-    (constraint.cross, constraint.coupled) = (false, false);
+    (constraint.cross, constraint.coupled) = (constraint.equality.cross != 0, false);
     constraint.contact_lanes = 0;
     let (mut component, mut jacobian) = (0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {

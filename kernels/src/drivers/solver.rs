@@ -1,12 +1,12 @@
 //! The constrained acceleration: which solver, what it needs, and its iterations.
 
 use super::dual;
-use crate::constraint::{Constraint, ContactRow};
-use crate::lane::{Lane, LaneQuery, Real};
-use crate::model::{Model, NONE, Sides};
+use crate::constraint::ContactRow;
+use crate::lane::{LaneQuery, Real};
+use crate::model::Sides;
 use crate::options::{self, Options};
 use crate::part::{Executor, OneByOne, Op, Part, Parts, Step};
-use crate::solver::{self, Arrival, Solver, SolverWork, Statistics, Trial, pgs};
+use crate::solver::{self, Arrival, Solver, Statistics, Trial, pgs};
 
 /// All worlds of a block.
 const ALL: u32 = u32::MAX;
@@ -28,9 +28,9 @@ pub fn solve<L: LaneQuery>(
         return 0;
     }
     work.fit(constraint);
-    touch(step.model.model, constraint, work);
+    solver::touch(step.model.model, constraint, work);
     let options = &step.model.model.options;
-    let active = constraint.joint_lanes | constraint.contact_lanes;
+    let active = constraint.joint_lanes | constraint.contact_lanes | constraint.equality.lanes;
     let open = alive & active;
     let mut outcome = Outcome { open, niter: L::zero(), rounds: 0, ahead: 0 };
     let primal = options.solver != options::Solver::Pgs;
@@ -76,19 +76,6 @@ fn finish<L: LaneQuery>(step: &mut Step<'_, L>, active: u32) {
     for i in 0..qacc.len() {
         qacc[i] = L::select(active, qacc[i], smooth[i]);
         qfrc_constraint[i] = L::select(active, qfrc_constraint[i], L::zero());
-    }
-}
-
-/// Finds touched links.
-fn touch<L: Lane>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &mut SolverWork<L>) {
-    work.touched.fill(false);
-    for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
-        for mut l in [row.link, row.other] {
-            while l != NONE && !work.touched[l as usize] {
-                work.touched[l as usize] = true;
-                l = model.links[l as usize].parent;
-            }
-        }
     }
 }
 
@@ -153,11 +140,12 @@ fn direct<L: LaneQuery>(open: u32, parts: &mut dyn Parts) -> bool {
     let factored = if L::Real::EPSILON > 1e-10 { ALL } else { open };
     let couples = |row: &ContactRow| row.sides != Sides::One && row.lanes & factored != 0;
     parts.each(Op::Stiffen, factored, [0, open]);
-    if !parts.rows().iter().any(couples) {
+    let filled = parts.fill(factored);
+    let coupled = parts.rows().iter().any(couples);
+    if !coupled && !filled {
         parts.run(Part::new(Op::Turn), [open; 2]);
         return false;
     }
-    let filled = parts.fill(factored);
     parts.run(Part::new(Op::Curve), [open; 2]);
     for row in 0..parts.rows().len() {
         if couples(&parts.rows()[row]) {

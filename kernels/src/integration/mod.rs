@@ -1,4 +1,11 @@
-//! Integration: semi-implicit Euler, with joint damping taken implicitly when the model asks for it.
+//! Integration: semi-implicit Euler, with joint damping taken implicitly when the model asks for it; the other methods are in files of
+//! their own.
+
+mod implicit;
+mod rk4;
+
+pub use implicit::implicit;
+pub use rk4::{Rates, Rk4};
 
 use crate::acceleration::articulated;
 use crate::fields::fields;
@@ -33,6 +40,13 @@ fields! {
         /// The same.
         pub column: Vec<[L; 6]> = if sizes.narticulated > 0 { sizes.nv } else { 0 },
     } L
+}
+
+impl<L: Lane> Integration<L> {
+    /// The lanes of `alive` whose next state is finite and not huge.
+    pub fn usable(&self, alive: L::Mask) -> L::Mask {
+        self.qpos.iter().chain(&self.qvel).fold(alive, |good, x| good & x.within(L::Real::MAXVAL))
+    }
 }
 
 /// Next state: v⁺ = v + h a, q⁺ = q ⊕ h v⁺, with (M + h B) a = the sum of `forces` where damping is implicit, else
@@ -81,21 +95,31 @@ pub fn euler<L: Lane>(
     advance(&model, qpos, &out.qvel, h, &mut out.qpos);
 }
 
-/// Replaces the state by the next one in the lanes of `alive` whose next state is usable, and returns these. `qacc` is the
-/// acceleration with constraints and the smooth one. Adding a zero turns a negative zero into a positive one, so that the
-/// sign of a zero that a wider factor, an inactive contact or code may have left never reaches the state; whoever records must
-/// not know that it is 0, or the sum would be left out.
+/// Replaces the state by the next one in the lanes of `alive` whose next state is usable, and returns these; `accelerations` as of
+/// [`replace`].
 pub fn commit<L: Lane>(
     model: Instance<'_, L>,
     next: &Integration<L>,
-    [qacc, qacc_smooth]: [&[L]; 2],
+    accelerations: [&[L]; 2],
     alive: L::Mask,
     state: &mut State<L>,
 ) -> L::Mask {
-    let (mut good, zero) = (alive, model.zero());
-    for x in next.qpos.iter().chain(&next.qvel).chain(qacc) {
-        good = good & x.within(L::Real::MAXVAL);
-    }
+    let good = accelerations[0].iter().fold(next.usable(alive), |good, a| good & a.within(L::Real::MAXVAL));
+    replace(model, next, accelerations, good, state);
+    good
+}
+
+/// Replaces the state by the next one in the lanes of `good`. `qacc` is the acceleration with constraints and the smooth one. Adding a
+/// zero turns a negative zero into a positive one, so that the sign of a zero that a wider factor, an inactive contact or code may
+/// have left never reaches the state; whoever records must not know that it is 0, or the sum would be left out.
+pub fn replace<L: Lane>(
+    model: Instance<'_, L>,
+    next: &Integration<L>,
+    [qacc, qacc_smooth]: [&[L]; 2],
+    good: L::Mask,
+    state: &mut State<L>,
+) {
+    let zero = model.zero();
     let replace = |old: &mut [L], new: &[L]| {
         for (old, new) in old.iter_mut().zip(new) {
             *old = L::select(good, *new + zero, *old);
@@ -108,7 +132,6 @@ pub fn commit<L: Lane>(
     }
     let time = state.time[0] + L::of(model.options.timestep);
     replace(&mut state.time, &[time]);
-    good
 }
 
 /// q ⊕ h v: positions after moving with velocity `qvel` for a time `h`.

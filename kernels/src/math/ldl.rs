@@ -8,6 +8,8 @@
 //! Eliminating with a wider pattern of the same matrix gives the same bits: its extra entries are exact zeros, and every
 //! entry sees the same subtractions in the same order.
 
+use std::ops::Range;
+
 use super::vec3::build;
 use crate::lane::{Lane, Mask, Real};
 use crate::model::{Pattern, Rows};
@@ -34,8 +36,20 @@ pub fn factor<L: Lane>(
     inverse: &mut [L],
     multipliers: &mut [L],
 ) -> L::Mask {
+    factor_rows(rows, pattern, 0..inverse.len(), m, inverse, multipliers)
+}
+
+/// The same of some rows that no others are coupled with.
+pub fn factor_rows<L: Lane>(
+    rows: &Rows,
+    pattern: &Pattern,
+    range: Range<usize>,
+    m: &mut [L],
+    inverse: &mut [L],
+    multipliers: &mut [L],
+) -> L::Mask {
     let mut singular = L::Mask::splat(false);
-    for i in (0..inverse.len()).rev() {
+    for i in range.rev() {
         let (start, first) = (rows.start[i] as usize, rows.first[i] as usize);
         let offset = start + i - first + 1;
         let (head, finished) = m.split_at_mut(offset);
@@ -127,7 +141,12 @@ impl<L: Lane> Update<'_, L> {
 
 /// Solves (Lᵀ D L) x = b in place of b, from U and D⁻¹.
 pub fn solve<L: Lane>(rows: &Rows, pattern: &Pattern, u: &[L], inverse: &[L], x: &mut [L]) {
-    for k in (0..x.len()).rev() {
+    solve_rows(rows, pattern, 0..x.len(), u, inverse, x);
+}
+
+/// The same of some rows that no others are coupled with.
+pub fn solve_rows<L: Lane>(rows: &Rows, pattern: &Pattern, range: Range<usize>, u: &[L], inverse: &[L], x: &mut [L]) {
+    for k in range.clone().rev() {
         let y = x[k] * inverse[k];
         x[k] = y;
         for_each_entry(rows, pattern, u, k, |columns, row| {
@@ -136,7 +155,7 @@ pub fn solve<L: Lane>(rows: &Rows, pattern: &Pattern, u: &[L], inverse: &[L], x:
             }
         });
     }
-    for k in 0..x.len() {
+    for k in range {
         let mut sum = L::zero();
         for_each_entry(rows, pattern, u, k, |columns, row| {
             for (x, u) in x[columns].iter().zip(row) {

@@ -76,6 +76,12 @@ pub struct Sizes {
     pub nm: usize,
     /// Links of a model whose accelerations are found without that matrix, else 0.
     pub narticulated: usize,
+    /// Equality constraints, as MJCF has them.
+    pub neq: usize,
+    /// Rows of those that can act.
+    pub ne: usize,
+    /// Entries of their Jacobians.
+    pub nej: usize,
 }
 
 /// Most entries for which a list is given room in advance. Models in which thousands of pairs could touch at once, and
@@ -158,6 +164,12 @@ pub struct Model<T> {
     pub pair_dofs: Vec<PairDof>,
     /// Joint limits, in the order of joints; empty if the flag `limit` or `constraint` is off.
     pub limits: Vec<Limit<T>>,
+    /// Equality constraints that can act, in MJCF order; empty if the flag `equality` or `constraint` is off.
+    pub equalities: Vec<Equality<T>>,
+    /// Degrees of freedom of equality constraints.
+    pub equality_dofs: Vec<EqualityDof>,
+    /// Whether each equality constraint of the file is active at first, 1 or 0, length neq.
+    pub eq_active0: Vec<T>,
     /// Dry friction, in the order of dofs; empty if the flag `frictionloss` or `constraint` is off.
     pub friction_losses: Vec<FrictionLoss<T>>,
     /// Actuators.
@@ -186,7 +198,10 @@ impl Features {
 impl<T> Model<T> {
     /// Whether there can be constraint rows.
     pub fn constrained(&self) -> bool {
-        !self.pairs.is_empty() || !self.limits.is_empty() || !self.friction_losses.is_empty()
+        !self.pairs.is_empty()
+            || !self.limits.is_empty()
+            || !self.friction_losses.is_empty()
+            || !self.equalities.is_empty()
     }
 
     /// Room for a block's lists.
@@ -223,6 +238,9 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),
             limits: self.limits.cast(),
+            equalities: self.equalities.cast(),
+            equality_dofs: self.equality_dofs.clone(),
+            eq_active0: self.eq_active0.cast(),
             friction_losses: self.friction_losses.cast(),
             actuators: self.actuators.cast(),
             rows: self.rows.clone(),

@@ -336,6 +336,81 @@ table! {
     } T
 }
 
+/// What an equality constraint holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EqualityKind {
+    /// A point of one body on a point of another: three rows.
+    Connect,
+    /// A frame of one body on a frame of another: three rows of position, three of orientation.
+    Weld,
+    /// The position of a joint as a polynomial of that of another, or at a value: one row.
+    Joint,
+}
+
+table! {
+    /// An equality constraint.
+    pub struct Equality {
+        /// Its number in the file.
+        pub id: u32,
+        /// What it holds.
+        pub kind: EqualityKind,
+        /// Links of its two sides, or [`NONE`]: it stands still (connect, weld).
+        pub links: [u32; 2],
+        /// Positions of its joints; [`NONE`] for a second that there is not.
+        pub qpos: [u32; 2],
+        /// Degrees of freedom that move one of its sides against the other, in [`Model::equality_dofs`], ascending.
+        pub dofs: Span,
+        /// Whether it couples dofs that the inertia matrix does not.
+        pub cross: bool,
+        /// Its first row among those of all equality constraints.
+        pub row: u32,
+        /// The first entry of its Jacobian: dof by dof, the rows of each.
+        pub jacobian: u32,
+        real:
+        /// The point on each side, in the link's frame, or in the world.
+        pub pos: [[T; 3]; 2],
+        /// The frame on each side, likewise (weld).
+        pub quat: [[T; 4]; 2],
+        /// Length that stands for a radian (weld).
+        pub torquescale: T,
+        /// Coefficients of the polynomial, constant first (joint).
+        pub polynomial: [T; 5],
+        /// Positions of the joints in the reference configuration, from which the polynomial counts.
+        pub reference: [T; 2],
+        /// Impedance.
+        pub impedance: Impedance<T>,
+        /// Â of rows of position and of orientation.
+        pub invweight: [T; 2],
+    } T
+}
+
+impl<T> Equality<T> {
+    /// Number of rows.
+    #[inline(always)]
+    pub fn dim(&self) -> usize {
+        match self.kind {
+            EqualityKind::Connect => 3,
+            EqualityKind::Weld => 6,
+            EqualityKind::Joint => 1,
+        }
+    }
+
+    /// Its rows among those of all equality constraints.
+    #[inline(always)]
+    pub fn rows(&self) -> std::ops::Range<usize> {
+        self.row as usize..self.row as usize + self.dim()
+    }
+}
+
+/// One degree of freedom of an equality constraint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EqualityDof {
+    /// Degree of freedom.
+    pub dof: u32,
+    /// Which of the sides it moves.
+    pub moves: [bool; 2],
+}
+
 table! {
     /// Dry friction of a degree of freedom.
     pub struct FrictionLoss {

@@ -42,6 +42,8 @@ pub enum Quantity {
     MeanInertia,
     /// Mass of each MJCF body.
     BodyMass,
+    /// Inverse weights of each equality constraint, two numbers.
+    EqualityWeight,
     /// Position, orientation and sizes of each geom, 15 numbers: shared by all worlds, see [`Quantity::SHARED`].
     Geom,
     /// Distance within which contacts of each pair are listed: likewise.
@@ -54,7 +56,7 @@ pub enum Quantity {
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 19] = [
+    pub const ALL: [Quantity; 20] = [
         Quantity::Gravity,
         Quantity::StillPotential,
         Quantity::Damping,
@@ -70,6 +72,7 @@ impl Quantity {
         Quantity::Regulariser,
         Quantity::MeanInertia,
         Quantity::BodyMass,
+        Quantity::EqualityWeight,
         Quantity::Geom,
         Quantity::Include,
         Quantity::Law,
@@ -108,6 +111,7 @@ impl Quantity {
             Quantity::Gear | Quantity::Grip => 6,
             Quantity::Link => 10,
             Quantity::Compensation => 4,
+            Quantity::EqualityWeight => 2,
             Quantity::Geom => 15,
             Quantity::Law => Pair::<f64>::LAW,
             _ => 1,
@@ -141,6 +145,7 @@ impl Quantity {
             Quantity::Regulariser => model.friction_losses.iter().map(|loss| loss.r).collect(),
             Quantity::MeanInertia => vec![model.mean_inertia],
             Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
+            Quantity::EqualityWeight => model.equalities.iter().flat_map(|equality| equality.invweight).collect(),
             Quantity::Geom => model.geoms.iter().flat_map(Geom::numbers).collect(),
             Quantity::Include => model.pairs.iter().map(|pair| pair.include).collect(),
             Quantity::Law => model.pairs.iter().flat_map(Pair::law).collect(),
@@ -166,6 +171,7 @@ const NAMES: [&str; Quantity::ALL.len()] = [
     "Regulariser",
     "MeanInertia",
     "BodyMass",
+    "EqualityWeight",
     "Geom",
     "Include",
     "Law",
@@ -385,6 +391,12 @@ impl<L: Lane> Instance<'_, L> {
     #[inline(always)]
     pub fn limit_weight(&self, limit: usize) -> L {
         self.entry(Quantity::LimitWeight, limit).map_or_else(|| L::splat(self.limits[limit].invweight), |[x]| x)
+    }
+
+    /// Inverse weights of an equality constraint, of rows of position and of orientation.
+    #[inline(always)]
+    pub fn equality_weight(&self, equality: usize) -> [L; 2] {
+        self.entry(Quantity::EqualityWeight, equality).unwrap_or_else(|| splat(&self.equalities[equality].invweight))
     }
 
     /// Regulariser of a dry friction.

@@ -137,7 +137,7 @@ impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
         let OneByOne { step, rows, filled, .. } = self;
         let model = step.model.model;
         let joins = |row: &&ContactRow| row.lanes & acting != 0 && model.pairs[row.pair as usize].cross;
-        if !rows.iter().any(|row| joins(&row)) {
+        if step.ws.constraint.equality.cross & acting == 0 && !rows.iter().any(|row| joins(&row)) {
             return false;
         }
         if filled.replace(acting) != Some(acting) {

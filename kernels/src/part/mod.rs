@@ -160,6 +160,17 @@ parts! {
             let found = &mut step.ws.collision.found[near.first as usize..][..near.points as usize];
             collision::narrow_parallel(step.model, near.pair, worlds, &step.ws.position, found);
         };
+    /// [`constraint::equality_rows`]: where some are active, and where some are that join branches.
+    Equality: "equality", Constraint, WHOLE, 1 => 2, shared [],
+        changes ["equality.jacobian", "equality.pos", "equality.d", "equality.reference", "equality.swamping"],
+        |_, step, _, (alive, put)| {
+            let Step { model, state, ws, .. } = step;
+            let Workspace { position, velocity, constraint, .. } = &mut **ws;
+            let motion = constraint::Motion { position, velocity, qvel: &state.qvel };
+            let read = (&state.qpos[..], &state.eq_active[..]);
+            let masks = constraint::equality_rows(*model, motion, read, alive, &mut constraint.equality);
+            masks.into_iter().for_each(put);
+        };
     /// [`constraint::dof_lanes`]: rows on joints; where some act.
     Joints: "joints", Constraint, WHOLE, 1 => 1, shared [], changes ["constraint.dof_lanes"],
         |_, step, _, (alive, put)| {
@@ -177,30 +188,31 @@ parts! {
     /// [`solver::depart`].
     Depart: "solver.depart", Solver, WHOLE, 0 => 0, shared [],
         changes ["solver.search", "solver.msearch", "solver.twist", "solver.cold_twist", "solver.line", "solver.jp.dof",
-            "solver.y.dof"],
+            "solver.y.dof", "solver.jp.equality", "solver.y.equality"],
         |_, step, _, _| {
             let (problem, warmstart, work) = step.solver();
             solver::depart(&problem, warmstart, work);
         };
     /// [`solver::choose`]: where the warm start is taken.
     Choose: "solver.choose", Solver, WHOLE, 0 => 1, shared [],
-        changes ["solver.qacc", "solver.ma", "solver.y.dof", "solver.line", "solver.search", "solver.msearch"],
+        changes ["solver.qacc", "solver.ma", "solver.y.dof", "solver.y.equality", "solver.line", "solver.search",
+            "solver.msearch"],
         |_, step, _, (_, put)| {
             let (problem, _, work) = step.solver();
             put(solver::choose(&problem, work));
         };
     /// [`solver::conjugate`], the first direction (1) or a later one.
     Conjugate: "solver.conjugate", Solver, FLAG, 0 => 0, shared [],
-        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.last_gradient",
-            "solver.last_scaled"],
+        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.jp.equality",
+            "solver.last_gradient", "solver.last_scaled"],
         |part, step, _, _| {
             let (problem, _, work) = step.solver();
             solver::conjugate(&problem, part.of == 1, work);
         };
     /// [`solver::curve`], then [`solver::descend`]: where no contact is coupled.
     Turn: "solver.turn", Solver, WHOLE, 0 => 0, shared [],
-        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.hessian",
-            "solver.inverse", "solver.stiffness"],
+        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.jp.equality",
+            "solver.hessian", "solver.inverse", "solver.stiffness"],
         |_, step, _, _| {
             let (problem, _, work) = step.solver();
             solver::curve(&problem, work);
@@ -214,8 +226,8 @@ parts! {
         };
     /// [`solver::descend`], on the inertia matrix's pattern or on a filled one (1).
     Descend: "solver.descend", Solver, FLAG, 0 => 0, shared [],
-        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.hessian",
-            "solver.inverse"],
+        changes ["solver.search", "solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.jp.equality",
+            "solver.hessian", "solver.inverse"],
         |part, step, _, _| {
             let (problem, _, work) = step.solver();
             solver::descend(&problem, part.of == 1, work);
@@ -237,7 +249,7 @@ parts! {
     /// [`solver::gather`]: lanes that have converged, and those that stand still.
     Gather: "solver.gather", Solver, WHOLE, 1 => 2, shared [],
         changes ["solver.qfrc_constraint", "solver.gradient", "solver.qacc", "solver.ma", "solver.y.dof",
-            "solver.force.dof", "solver.wrench", "solver.pull"],
+            "solver.force.dof", "solver.y.equality", "solver.force.equality", "solver.wrench", "solver.pull"],
         |_, step, _, (open, put)| {
             let (problem, _, work) = step.solver();
             let Arrival { converged, still } = solver::gather(&problem, open, work);
@@ -266,16 +278,20 @@ parts! {
     /// [`solver::couple_row`], of a contact both sides of which move.
     Couple: "contact.couple", Solver, Family::Couple, 0 => 0, shared [], changes ["solver.hessian"],
         |_, step, item, _| row(step, item, |problem, row, work| solver::couple_row(problem, row, work));
-    /// [`integration::euler`] and [`integration::commit`]: worlds that take the next state.
-    Euler: "euler", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
+    /// The step of an integrator that evaluates once, and [`integration::commit`]: worlds that take the next state.
+    Integrate: "integration", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
         changes ["state.qpos", "state.qvel", "state.qacc_warmstart", "state.time", "integration.qpos", "integration.qvel",
             "integration.qacc"],
         |_, step, _, (alive, put)| {
             let Step { model, state, ws, .. } = step;
-            let Workspace { position, inertia, acceleration, solver, integration: next, .. } = &mut **ws;
+            let Workspace { position, inertia, acceleration, derivative, solver, integration: next, .. } = &mut **ws;
             let solver::Solver { qacc, qfrc_constraint, .. } = &solver.fields;
             let forces = [&acceleration.qfrc_smooth[..], qfrc_constraint];
-            integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
+            if Stage::Derivative.present(model.model) {
+                integration::implicit(model, state, forces, derivative, next);
+            } else {
+                integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
+            }
             put(integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state));
         };
 }

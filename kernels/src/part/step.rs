@@ -8,7 +8,7 @@ use crate::solver::{Dual, Problem, SolverWork};
 use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
-use crate::{acceleration, actuation, energy, inertia, integration, passive, position, solver, velocity};
+use crate::{acceleration, actuation, derivative, energy, inertia, integration, passive, position, solver, velocity};
 
 /// A step of a block: the model as its worlds have it, what comes from outside, and the workspace.
 pub struct Step<'a, L: Lane> {
@@ -72,9 +72,9 @@ impl<L: Lane> Step<'_, L> {
     pub fn lend<'b>(&'b mut self, set: Threes, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
         let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
-        let Workspace { collision, constraint, solver, .. } = ws;
+        let Workspace { derivative, collision, constraint, solver, .. } = ws;
         let Collision { colliders, found, parallel, .. } = collision;
-        let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, .. } = constraint;
+        let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, equality, .. } = constraint;
         let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
         let Dual { b, z, root, bias, .. } = dual;
         let mut lender = Lender { set, group: Group::State, place: 0, wanted: false, f };
@@ -109,7 +109,7 @@ impl<L: Lane> Step<'_, L> {
             Quantity::SHARED.into_iter().for_each(|quantity| lender.put(quantity.name(), varied(quantity)));
         }
         stages!(Position: position; Inertia: inertia; Velocity: velocity; Passive: passive; Actuation: actuation;
-            Acceleration: acceleration; Energy: energy; Integration: integration; Colliders: colliders;);
+            Acceleration: acceleration; Derivative: derivative; Energy: energy; Integration: integration; Colliders: colliders;);
         group!(Found, "found": found.as_flattened_mut(), "parallel": parallel);
         group!(Constraint,
             "dof_lanes": dof_lanes.as_flattened_mut(),
@@ -117,6 +117,14 @@ impl<L: Lane> Step<'_, L> {
             "reference": reference,
             "motion": motion.as_flattened_mut(),
             "jacobian": jacobian,
+        );
+        group!(Equality,
+            "jacobian": &mut equality.jacobian,
+            "pos": &mut equality.pos,
+            "d": &mut equality.d,
+            "reference": &mut equality.reference,
+            "quats": equality.quats.as_flattened_mut(),
+            "swamping": std::slice::from_mut(&mut equality.swamping),
         );
         stages!(Solver: fields;);
         group!(Rows,
@@ -127,6 +135,9 @@ impl<L: Lane> Step<'_, L> {
             "jp.component": &mut jp.component,
             "force.dof": &mut force.dof,
             "force.component": &mut force.component,
+            "y.equality": &mut y.equality,
+            "jp.equality": &mut jp.equality,
+            "force.equality": &mut force.equality,
         );
         group!(Dual,
             "b": b,
@@ -134,6 +145,7 @@ impl<L: Lane> Step<'_, L> {
             "root": root,
             "bias.dof": &mut bias.dof,
             "bias.component": &mut bias.component,
+            "bias.equality": &mut bias.equality,
             "edge_force": edge_force,
         );
         contact_rows
@@ -217,6 +229,8 @@ groups! {
     Actuation: "actuation", actuation::Actuation::<f64>::COUNT;
     /// Smooth acceleration.
     Acceleration: "acceleration", acceleration::Acceleration::<f64>::COUNT;
+    /// What the implicit integrators have.
+    Derivative: "derivative", derivative::Derivative::<f64>::COUNT;
     /// Energy.
     Energy: "energy", energy::Energy::<f64>::COUNT;
     /// The next state.
@@ -227,12 +241,14 @@ groups! {
     Found: "collision", 2;
     /// Numbers of rows.
     Constraint: "constraint", 5;
+    /// Numbers of equality constraints.
+    Equality: "equality", 6;
     /// Vectors and matrices of the solver.
     Solver: "solver", solver::Solver::<f64>::COUNT;
     /// What the solver has to do with by rows.
-    Rows: "solver", 7;
+    Rows: "solver", 10;
     /// What dual solvers have.
-    Dual: "dual", 6;
+    Dual: "dual", 7;
 }
 
 impl Group {

@@ -44,6 +44,11 @@ pub struct Anderson<L> {
     sweeps: usize,
 }
 
+/// Room for a point, and for a list of them. More than a million numbers are asked for when they are needed.
+fn room_of(len: usize) -> [usize; 2] {
+    [len, MEMORY * len].map(|n| n.min(1 << 20))
+}
+
 impl<L: Lane> Anderson<L> {
     /// Knows nothing, and has no room.
     pub fn new() -> Self {
@@ -65,8 +70,8 @@ impl<L: Lane> Anderson<L> {
 
     /// The same with room for points of that length.
     pub fn with_capacity(len: usize) -> Self {
-        let room = |n: usize| Vec::with_capacity(n.min(1 << 20));
-        let [point, list] = [len, MEMORY * len];
+        let room = Vec::with_capacity;
+        let [point, list] = room_of(len);
         Anderson {
             weight: room(point),
             bias: room(point),
@@ -80,12 +85,20 @@ impl<L: Lane> Anderson<L> {
         }
     }
 
+    /// Bytes of that.
+    pub fn bytes(len: usize) -> usize {
+        let [point, list] = room_of(len);
+        (8 * point + 2 * list) * size_of::<L>()
+    }
+
     /// A solve begins, from rows that are whitened.
     pub fn begin(&mut self, problem: &Problem<'_, L>, work: &SolverWork<L>) {
         let constraint = problem.constraint;
         self.weight.clear();
+        self.weight.extend(constraint.equality.d.iter().map(|d| pgs::regulariser(*d)));
         self.weight.extend(constraint.dof_laws().map(|law| pgs::regulariser(law.d())));
-        self.bias.clone_from(&work.dual.bias.dof);
+        self.bias.clone_from(&work.dual.bias.equality);
+        self.bias.extend_from_slice(&work.dual.bias.dof);
         for row in &constraint.contact_rows {
             let (law, bias) = (constraint.law(row), &work.dual.bias.component[row.components()]);
             let base = pgs::regulariser(law.d());
@@ -222,6 +235,9 @@ impl<L: Lane> Anderson<L> {
         let zero = L::zero();
         let confine = |step: &mut L, after: L, low: L, high: L| *step = (after + *step).max(low).min(high) - after;
         let most = L::of(L::Real::MAX);
+        // Equality constraints pull both ways.
+        let (_, step) = step.split_at_mut(constraint.equality.d.len());
+        let (_, after) = after.split_at(constraint.equality.d.len());
         for (r, law) in constraint.dof_laws().enumerate() {
             let (low, high) = match law.row.kind {
                 DofRowKind::Friction => (-joints::bound(problem.model, &law), joints::bound(problem.model, &law)),
@@ -246,7 +262,11 @@ impl<L: Lane> Anderson<L> {
     fn whiten(&mut self, constraint: &Constraint<L>, work: &SolverWork<L>) {
         self.step.resize(self.len, L::zero());
         let (forces, z) = self.step.split_at_mut(self.forces);
+        let (equality, forces) = forces.split_at(constraint.equality.d.len());
         let (joints, contacts) = forces.split_at(constraint.dof_rows.len());
+        for (row, step) in equality.iter().enumerate() {
+            dual::add_scaled(z, work.dual.equality(row), *step);
+        }
         for (r, step) in joints.iter().enumerate() {
             dual::add_scaled(z, work.dual.dof(r), *step);
         }
@@ -262,9 +282,11 @@ impl<L: Lane> Anderson<L> {
     /// Takes the step in the given lanes.
     fn take(&self, constraint: &Constraint<L>, lanes: L::Mask, work: &mut SolverWork<L>) {
         let (forces, z) = self.step.split_at(self.forces);
+        let (equality, forces) = forces.split_at(constraint.equality.d.len());
         let (joints, mut rest) = forces.split_at(constraint.dof_rows.len());
         let take = |x: &mut L, step: L| *x = L::select(lanes, *x + step, *x);
         work.dual.z.iter_mut().zip(z).for_each(|(z, step)| take(z, *step));
+        work.force.equality.iter_mut().zip(equality).for_each(|(f, step)| take(f, *step));
         work.force.dof.iter_mut().zip(joints).for_each(|(f, step)| take(f, *step));
         let mut edges = work.edge_force.iter_mut();
         for row in &constraint.contact_rows {
@@ -323,6 +345,7 @@ fn confine_ellipse<L: Lane>(law: Law<'_, L>, step: &mut [L], after: &[L]) {
 /// The point at which the solver is.
 fn read<L: Lane>(constraint: &Constraint<L>, work: &SolverWork<L>, point: &mut Vec<L>) {
     point.clear();
+    point.extend_from_slice(&work.force.equality);
     point.extend_from_slice(&work.force.dof);
     let mut rest = &work.edge_force[..];
     for row in &constraint.contact_rows {

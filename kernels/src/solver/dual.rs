@@ -17,7 +17,7 @@ pub fn needed<T>(model: &Model<T>) -> bool {
 /// Whitened rows, and what all forces together do.
 #[derive(Clone, Debug)]
 pub struct Dual<L> {
-    /// `nv` numbers per dof row, then per contact component.
+    /// `nv` numbers per row of equality constraints, then per dof row, then per contact component.
     pub b: Vec<L>,
     /// Σ b f.
     pub z: Vec<L>,
@@ -30,27 +30,32 @@ pub struct Dual<L> {
 
 impl<L: Lane> Dual<L> {
     /// Room for all rows if the model's options need the dual problem, else none.
-    pub fn new(model: &Model<L::Real>, dof: usize, component: usize) -> Self {
+    pub fn new(model: &Model<L::Real>, rows: [usize; 3]) -> Self {
         let used = needed(model);
         let nv = if used { model.sizes.nv } else { 0 };
         Dual {
-            b: Vec::with_capacity(((dof + component) * nv).min(1 << 20)),
+            b: Vec::with_capacity((rows.iter().sum::<usize>() * nv).min(1 << 20)),
             z: vec![L::zero(); nv],
             root: vec![L::zero(); nv],
-            bias: RowVector::with_capacity(if used { dof } else { 0 }, if used { component } else { 0 }),
+            bias: RowVector::with_capacity(if used { rows } else { [0; 3] }),
             nv,
         }
     }
 
     /// Bytes of that.
-    pub fn bytes(model: &Model<L::Real>, dof: usize, component: usize) -> usize {
-        let (rows, nv) = (dof + component, model.sizes.nv);
+    pub fn bytes(model: &Model<L::Real>, rows: usize) -> usize {
+        let nv = model.sizes.nv;
         if needed(model) { ((rows * nv).min(1 << 20) + 2 * nv + rows) * size_of::<L>() } else { 0 }
+    }
+
+    /// The whitened row of an equality constraint.
+    pub fn equality(&self, row: usize) -> &[L] {
+        &self.b[row * self.nv..(row + 1) * self.nv]
     }
 
     /// The whitened row of a dof row.
     pub fn dof(&self, row: usize) -> &[L] {
-        &self.b[row * self.nv..(row + 1) * self.nv]
+        self.equality(self.bias.equality.len() + row)
     }
 
     /// The whitened row of a contact component.
@@ -84,13 +89,22 @@ impl<L: Lane> Dual<L> {
     /// z += b Δ for a contact's components.
     pub fn add(&mut self, row: &ContactRow, change: &[L; 6]) {
         for (i, change) in change.iter().enumerate().take(row.dim as usize) {
-            let start = (self.bias.dof.len() + row.component as usize + i) * self.nv;
-            add_scaled(&mut self.z, &self.b[start..start + self.nv], *change);
+            let at = self.bias.equality.len() + self.bias.dof.len() + row.component as usize + i;
+            self.add_at(at, *change);
         }
     }
 
     /// z += b Δ for a dof row.
     pub fn add_dof(&mut self, row: usize, change: L) {
+        self.add_at(self.bias.equality.len() + row, change);
+    }
+
+    /// z += b Δ for a row of an equality constraint.
+    pub fn add_equality(&mut self, row: usize, change: L) {
+        self.add_at(row, change);
+    }
+
+    fn add_at(&mut self, row: usize, change: L) {
         add_scaled(&mut self.z, &self.b[row * self.nv..(row + 1) * self.nv], change);
     }
 }
@@ -117,7 +131,7 @@ pub fn prepare<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let SolverWork { dual, fields, force, .. } = work;
     dual.bias.fit(constraint);
     rows::apply(problem, &acceleration.qacc_smooth, &mut fields.twist, &mut dual.bias);
-    rows::add_reference(constraint, &mut dual.bias);
+    rows::add_reference(problem, &mut dual.bias);
     for (root, inverse) in dual.root.iter_mut().zip(&acceleration.inverse) {
         *root = inverse.sqrt();
     }
@@ -125,7 +139,7 @@ pub fn prepare<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let nv = dual.nv;
     let Dual { b, root, z, .. } = dual;
     z.fill(L::zero());
-    for (b, f) in b.chunks_exact_mut(nv.max(1)).zip(force.dof.iter().chain(&force.component)) {
+    for (b, f) in b.chunks_exact_mut(nv.max(1)).zip(force.equality.iter().chain(&force.dof).chain(&force.component)) {
         whiten(problem, root, b);
         add_scaled(z, b, *f);
     }
@@ -137,8 +151,16 @@ fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
     let Constraint { dof_rows, contact_rows, motion, .. } = constraint;
     let Dual { b, nv, .. } = dual;
     b.clear();
-    b.resize((dof_rows.len() + constraint.components) * *nv, L::zero());
-    let (one, at) = (L::one(), |row: usize, dof: usize| row * *nv + dof);
+    let ne = model.sizes.ne;
+    b.resize((ne + dof_rows.len() + constraint.components) * *nv, L::zero());
+    for equality in &model.equalities {
+        for (dof, column) in constraint.equality.columns(model, equality) {
+            for (row, j) in equality.rows().zip(column) {
+                b[row * *nv + dof] = *j;
+            }
+        }
+    }
+    let (one, at) = (L::one(), |row: usize, dof: usize| (ne + row) * *nv + dof);
     for (r, law) in constraint.dof_laws().enumerate() {
         let dof = law.row.dof as usize;
         match law.row.kind {

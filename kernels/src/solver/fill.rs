@@ -1,5 +1,5 @@
-//! Pattern of the Hessian when contacts join branches: entries of the inertia matrix, entries between the dofs of each
-//! joining contact, and what elimination fills in.
+//! Pattern of the Hessian when rows join branches: entries of the inertia matrix, entries between the dofs of each joining
+//! contact and of all joining equality constraints, and what elimination fills in.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ pub struct Fill {
 }
 
 impl Fill {
-    /// Room for any pattern; none if no contact joins branches.
+    /// Room for any pattern; none if nothing joins branches.
     pub fn new<T>(model: &Model<T>) -> Self {
         if !joins(model) {
             return Fill::default();
@@ -47,7 +47,7 @@ impl Fill {
         8 * (bits + runs) + 4 * model.sizes.nm + 40 * model.sizes.nv
     }
 
-    /// Finds the pattern for contacts of the given pairs of links.
+    /// Finds the pattern for contacts of the given pairs of links, and the model's equality constraints.
     pub fn find<T>(&mut self, model: &Model<T>, pairs: impl Iterator<Item = u32>) {
         self.bits.fill(0);
         for i in 0..model.sizes.nv {
@@ -61,6 +61,12 @@ impl Fill {
                 for (n, i) in dofs.iter().enumerate() {
                     dofs[..n].iter().for_each(|j| self.set(i.dof as usize, j.dof as usize));
                 }
+            }
+        }
+        for equality in model.equalities.iter().filter(|equality| equality.cross) {
+            let dofs = &model.equality_dofs[equality.dofs.range()];
+            for (n, i) in dofs.iter().enumerate() {
+                dofs[..n].iter().for_each(|j| self.set(i.dof as usize, j.dof as usize));
             }
         }
         self.close();
@@ -126,9 +132,9 @@ impl Fill {
     }
 }
 
-/// Whether some contact joins branches.
-fn joins<T>(model: &Model<T>) -> bool {
-    model.pairs.iter().any(|pair| pair.cross)
+/// Whether some contact or equality constraint joins branches.
+pub(super) fn joins<T>(model: &Model<T>) -> bool {
+    model.pairs.iter().any(|pair| pair.cross) || model.equalities.iter().any(|equality| equality.cross)
 }
 
 /// Words of bits, and most runs. A row of n columns below the diagonal has at most (n + 1)/2 runs.

@@ -5,7 +5,7 @@
 //! M's sparsity. Contacts whose sides both move add their rows' products.
 
 use super::cone::{self, Stiffness};
-use super::{Problem, Solver, SolverWork, joints};
+use super::{Problem, Solver, SolverWork, equality, joints};
 use crate::constraint::{ContactRow, Law};
 use crate::lane::Lane;
 use crate::math::tree;
@@ -55,6 +55,7 @@ pub fn curve<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
         *stiffness = [L::zero(); 21];
     }
     joints::stiffen(problem, &y.dof, &mut fields.hessian);
+    equality::stiffen(problem, &mut fields.hessian);
 }
 
 /// K times a column of components.

@@ -4,7 +4,7 @@
 //! Nocedal and Wright, Numerical Optimization, 2006, § 3.1), as that is what ends the iteration once no row changes side. A world
 //! that has not converged after a few such searches goes on with exact ones, with which Newton's method always converges.
 
-use super::{Problem, SolverWork, joints};
+use super::{Problem, SolverWork, equality, joints};
 use crate::lane::{Lane, Mask, Real};
 use crate::options;
 
@@ -22,7 +22,7 @@ pub struct Trial<M> {
 pub struct Line<L>(pub [L; LINE]);
 
 /// Numbers of a [`Line`].
-pub const LINE: usize = 12;
+pub const LINE: usize = 14;
 
 /// Of Newton's method, the first searches of a solve are rough: they end where the slope is this part of the one at their start.
 const ROUGH: f64 = 0.9;
@@ -71,6 +71,10 @@ entries! {
     warm_cost set_warm_cost 10;
     /// Searches of the solve, with the present one.
     searches set_searches 11;
+    /// Slope of the cost of equality constraints at the start of the search.
+    equality_slope set_equality_slope 12;
+    /// Its curvature.
+    equality_curvature set_equality_curvature 13;
 }
 
 impl<L: Lane> Line<L> {
@@ -150,6 +154,7 @@ pub fn probe<L: Lane>(
     open = open & !next.eq(alpha);
     line.forget_contacts();
     line.set_step(L::select(open, next, alpha));
+    equality::slope(problem, line);
     line.set_low(low);
     line.set_high(high);
     Trial { open, full }

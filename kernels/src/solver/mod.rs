@@ -9,10 +9,12 @@ mod cg;
 mod cone;
 pub mod contact;
 mod dual;
-mod edges;
+pub mod edges;
+mod equality;
 mod fill;
 mod hessian;
-mod joints;
+mod inverse;
+pub mod joints;
 mod line;
 mod newton;
 pub mod noslip;
@@ -26,7 +28,8 @@ pub use anderson::Anderson;
 pub use cg::conjugate;
 pub use dual::{Dual, finish, prepare};
 pub use fill::Fill;
-pub use hessian::{couple_row, curve};
+pub use hessian::{couple, couple_row, curve};
+pub use inverse::force_at;
 pub use line::{LINE, Line, Trial, probe};
 pub use newton::{descend, polish};
 pub use primal::{choose, depart};
@@ -38,7 +41,7 @@ use crate::constraint::{Constraint, grow};
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::Lane;
-use crate::model::{Capacity, Model, Pattern};
+use crate::model::{Capacity, Model, NONE, Pattern, Sides};
 use crate::options;
 use crate::position::Position;
 use crate::stage::Stage;
@@ -108,11 +111,14 @@ pub struct RowVector<L> {
     pub dof: Vec<L>,
     /// Per contact component; never shorter than it once was, as the lists of [`Constraint`].
     pub component: Vec<L>,
+    /// Per row of equality constraints.
+    pub equality: Vec<L>,
 }
 
 impl<L: Lane> RowVector<L> {
-    fn with_capacity(dof: usize, component: usize) -> Self {
-        RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component) }
+    fn with_capacity([dof, component, equality]: [usize; 3]) -> Self {
+        let equality = vec![L::zero(); equality];
+        RowVector { dof: Vec::with_capacity(dof), component: Vec::with_capacity(component), equality }
     }
 
     /// Sets the lengths to those of the constraint's lists, which those of contacts never exceed.
@@ -181,20 +187,20 @@ impl<L: Lane> SolverWork<L> {
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+        let rows = [dof, component, model.sizes.ne];
         let sizes = Stage::Solver.sizes(model);
         SolverWork {
             fields: Solver::new(&sizes),
-            y: RowVector::with_capacity(dof, component),
-            jp: RowVector::with_capacity(dof, component),
-            force: RowVector::with_capacity(dof, component),
-            spare: RowVector::with_capacity(dof, component),
+            y: RowVector::with_capacity(rows),
+            jp: RowVector::with_capacity(rows),
+            force: RowVector::with_capacity(rows),
+            spare: RowVector::with_capacity(rows),
             line: Line::new(),
             edge_force: Vec::with_capacity(2 * component),
-            dual: dual::Dual::new(model, dof, component),
-            past: if model.options.solver == options::Solver::Pgs {
-                anderson::Anderson::with_capacity(dof + 2 * component + model.sizes.nv)
-            } else {
-                anderson::Anderson::new()
+            dual: dual::Dual::new(model, rows),
+            past: match point(model) {
+                0 => anderson::Anderson::new(),
+                len => anderson::Anderson::with_capacity(len),
             },
             fill: Fill::new(model),
             touched: vec![false; model.sizes.nlink],
@@ -205,18 +211,38 @@ impl<L: Lane> SolverWork<L> {
     /// Bytes of that.
     pub fn bytes(model: &Model<L::Real>) -> usize {
         let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
-        let edges = if dual::needed(model) { 2 * component } else { 0 };
-        let rows = (4 * (dof + component) + edges) * size_of::<L>() + model.sizes.nlink;
+        let all = dof + component + model.sizes.ne;
+        let rows = (4 * all + 2 * component) * size_of::<L>() + model.sizes.nlink;
+        let past = anderson::Anderson::<L>::bytes(point(model));
         let fields = Solver::<L>::bytes(&Stage::Solver.sizes(model));
-        fields.saturating_add(rows + dual::Dual::<L>::bytes(model, dof, component) + Fill::bytes(model))
+        fields.saturating_add(rows + past + dual::Dual::<L>::bytes(model, all) + Fill::bytes(model))
     }
 }
 
-/// The pattern of the Hessian when all contacts act that join branches, wider than any that a step can need; `None` if
-/// there are no such contacts.
+/// Finds the links with contacts, and those that carry them.
+pub fn touch<L: Lane>(model: &Model<L::Real>, constraint: &Constraint<L>, work: &mut SolverWork<L>) {
+    work.touched.fill(false);
+    for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
+        for mut l in [row.link, row.other] {
+            while l != NONE && !work.touched[l as usize] {
+                work.touched[l as usize] = true;
+                l = model.links[l as usize].parent;
+            }
+        }
+    }
+}
+
+/// Length of the points that acceleration of sweeps remembers: forces and accelerations; 0 for solvers without.
+fn point<T: crate::lane::Real>(model: &Model<T>) -> usize {
+    let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+    if model.options.solver == options::Solver::Pgs { dof + 2 * component + model.sizes.ne + model.sizes.nv } else { 0 }
+}
+
+/// The pattern of the Hessian when all rows act that join branches, wider than any that a step can need; `None` if there are
+/// none.
 pub fn fullest_pattern<T>(model: &Model<T>) -> Option<Pattern> {
     let joining: Vec<u32> = (0..model.pairs.len() as u32).filter(|p| model.pairs[*p as usize].cross).collect();
-    (!joining.is_empty()).then(|| {
+    fill::joins(model).then(|| {
         let mut fill = Fill::new(model);
         fill.find(model, joining.into_iter());
         fill.pattern

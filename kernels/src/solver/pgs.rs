@@ -18,7 +18,7 @@ pub fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut Solv
         *warm = *smooth + *change;
     }
     rows::apply(problem, warm, &mut work.fields.twist, &mut work.y);
-    rows::add_reference(constraint, &mut work.y);
+    rows::add_reference(problem, &mut work.y);
     rows::from_y(problem, &work.y, &mut work.force);
     edge_forces(constraint, work);
     dual::prepare(problem, work);
@@ -27,12 +27,15 @@ pub fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut Solv
     for (f, bias) in work.force.dof.iter().zip(&work.dual.bias.dof) {
         cost = f.mul_add(*bias, cost);
     }
+    for (f, bias) in work.force.equality.iter().zip(&work.dual.bias.equality) {
+        cost = f.mul_add(*bias, cost);
+    }
     for (f, bias) in work.force.component[..constraint.components].iter().zip(&work.dual.bias.component) {
         cost = f.mul_add(*bias, cost);
     }
     let keep = if problem.model.options.flags.warmstart { cost.lt(L::zero()) } else { L::Mask::splat(false) };
     let forces = work.force.dof.iter_mut().chain(&mut work.force.component).chain(&mut work.edge_force);
-    for x in forces.chain(&mut work.dual.z) {
+    for x in forces.chain(&mut work.force.equality).chain(&mut work.dual.z) {
         *x = L::select(keep, *x, L::zero());
     }
 }
@@ -57,6 +60,9 @@ pub fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>, work:
 pub fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
     let constraint = problem.constraint;
     let mut improvement = L::zero();
+    for (row, d) in constraint.equality.d.iter().enumerate() {
+        improvement += equality_row(row, *d, open, work);
+    }
     for (r, law) in constraint.dof_laws().enumerate() {
         improvement += dof_row(problem.model, r, law, open, work);
     }
@@ -97,6 +103,16 @@ pub(super) fn scalar<L: Lane>(f: &mut L, residual: L, diagonal: L, low: L, high:
     *f = L::select(acts, next, *f);
     let half = change * diagonal * L::of(0.5);
     (change, (-(change * (half + residual))).max(change * half))
+}
+
+fn equality_row<L: Lane>(row: usize, d: L, open: L::Mask, work: &mut SolverWork<L>) -> L {
+    let (b, regulariser, most) = (work.dual.equality(row), regulariser(d), L::of(L::Real::MAX));
+    let f = &mut work.force.equality[row];
+    let residual = dual::product(b, &work.dual.z) + work.dual.bias.equality[row] + regulariser * *f;
+    let diagonal = dual::product(b, b) + regulariser;
+    let (change, gain) = scalar(f, residual, diagonal, -most, most, open & d.gt(L::zero()));
+    work.dual.add_equality(row, change);
+    gain
 }
 
 fn dof_row<L: Lane>(

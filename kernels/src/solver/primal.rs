@@ -4,7 +4,7 @@
 //! The cost of limits and pyramids is piecewise quadratic: a full Newton step after which no row has changed side lands on
 //! the minimum, so the solver knows that it is done.
 
-use super::{Problem, Solver, SolverWork, contact, joints};
+use super::{Problem, Solver, SolverWork, contact, equality, joints};
 use crate::lane::{Lane, Mask, Real};
 use crate::math::{ldl, tree};
 
@@ -26,6 +26,7 @@ pub fn motion<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     tree::twists(model, &position.cdof, search, twist);
     joints::rates(constraint, search, &mut work.jp.dof);
     work.line.begin();
+    equality::approach(problem, work);
 }
 
 /// Looks at the smooth acceleration, and at the same plus `warmstart`, which becomes the search direction: the motion of every
@@ -41,13 +42,14 @@ pub fn depart<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut Sol
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
     tree::twists(model, &position.cdof, smooth, cold_twist);
     tree::twists(model, &position.cdof, search, twist);
-    let cold = joints::survey(problem, smooth, &mut work.jp.dof);
+    let cold =
+        joints::survey(problem, smooth, &mut work.jp.dof) + equality::survey(problem, smooth, &mut work.jp.equality);
     let mut warm = joints::survey(problem, search, &mut work.y.dof);
     for i in 0..search.len() {
         warm = warmstart[i].mul_add(msearch[i] - acceleration.qfrc_smooth[i], warm);
     }
     work.line.set_cold_cost(cold);
-    work.line.set_warm_cost(warm);
+    work.line.set_warm_cost(warm + equality::survey(problem, search, &mut work.y.equality));
 }
 
 /// Takes the warm start where it costs less: sets qacc, M qacc and y of rows on joints, and no step. Returns the lanes that
@@ -63,6 +65,7 @@ pub fn choose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) -> L:
         ma[i] = L::select(warm, msearch[i], acceleration.qfrc_smooth[i]);
     }
     contact::choose(warm, &mut y.dof, &jp.dof);
+    contact::choose(warm, &mut y.equality, &jp.equality);
     // No step along nothing: a warm start that is not a number leaves no trace.
     search.fill(L::zero());
     msearch.fill(L::zero());

@@ -1,7 +1,6 @@
 //! Between dofs and rows: J x, row forces, and Jᵀ f.
 
-use super::{Problem, RowVector, Solver, SolverWork, cone, contact, joints, primal};
-use crate::constraint::Constraint;
+use super::{Problem, RowVector, Solver, SolverWork, cone, contact, equality, joints, primal};
 use crate::lane::{Lane, Real};
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::tree;
@@ -15,6 +14,7 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
         tree::twists(problem.model, &problem.position.cdof, x, twist);
     }
     joints::rates(constraint, x, &mut out.dof);
+    equality::rates(problem, x, &mut out.equality);
     for row in &constraint.contact_rows {
         let (w, y) = (&constraint.motion[row.components()], &mut out.component[row.components()]);
         if row.sides == Sides::Apart {
@@ -26,7 +26,9 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
 }
 
 /// y = J x becomes J x - a_ref.
-pub fn add_reference<L: Lane>(constraint: &Constraint<L>, y: &mut RowVector<L>) {
+pub fn add_reference<L: Lane>(problem: &Problem<'_, L>, y: &mut RowVector<L>) {
+    let constraint = problem.constraint;
+    equality::add_reference(problem, &mut y.equality);
     for (y, law) in y.dof.iter_mut().zip(constraint.dof_laws()) {
         *y += law.reference();
     }
@@ -45,12 +47,14 @@ pub struct Arrival<M> {
     pub still: M,
 }
 
-/// Moves the acceleration and the rows on joints by the step in the lanes of `open`, sums the forces on joints and on touched
-/// links up to the dofs, beside those of contacts between trees, and sets the gradient.
+/// Moves the acceleration, the rows on joints and those of equality constraints by the step in the lanes of `open`, sums their
+/// forces and those on touched links up to the dofs, beside those of contacts between trees, and sets the gradient.
 pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> Arrival<L::Mask> {
     let SolverWork { fields, y, jp, force, touched, line, .. } = work;
     contact::follow(line.step(), open, &mut y.dof, &jp.dof);
     of_joints(problem, &y.dof, &mut force.dof);
+    contact::follow(line.step(), open, &mut y.equality, &jp.equality);
+    equality::forces(problem, &y.equality, &mut force.equality);
     let Solver { qacc, ma, search, msearch, qfrc_constraint, gradient, pull, multipliers, wrench, .. } = &mut *fields;
     let between_trees = problem.constraint.between_trees;
     let pull = if between_trees {
@@ -59,6 +63,7 @@ pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Solve
         multipliers.fill(L::zero());
         multipliers
     };
+    equality::pull(problem, &force.equality, pull);
     joints::pull(problem.constraint, &force.dof, pull);
     climb(problem, touched, wrench, pull);
     let (step, curvature, mut sizes) = (line.step(), line.curvature(), [L::zero(); 4]);
@@ -82,7 +87,7 @@ pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Solve
 pub fn at_acceleration<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let Solver { qacc, twist, .. } = &mut work.fields;
     apply(problem, qacc, twist, &mut work.jp);
-    add_reference(problem.constraint, &mut work.jp);
+    add_reference(problem, &mut work.jp);
     work.spare.fit(problem.constraint);
     from_y(problem, &work.jp, &mut work.spare);
 }
@@ -93,6 +98,7 @@ pub fn catch_up<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
     at_acceleration(problem, work);
     let take = |old: &mut [L], new: &[L]| old.iter_mut().zip(new).for_each(|(f, g)| *f = L::select(open, *g, *f));
     take(&mut work.force.dof, &work.spare.dof);
+    take(&mut work.force.equality, &work.spare.equality);
     take(&mut work.force.component, &work.spare.component[..constraint.components]);
 }
 
@@ -100,6 +106,7 @@ pub fn catch_up<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Sol
 pub fn from_y<L: Lane>(problem: &Problem<'_, L>, y: &RowVector<L>, force: &mut RowVector<L>) {
     let constraint = problem.constraint;
     of_joints(problem, &y.dof, &mut force.dof);
+    equality::forces(problem, &y.equality, &mut force.equality);
     for row in &constraint.contact_rows {
         cone::force(constraint.law(row), &y.component[row.components()], &mut force.component[row.components()]);
     }
@@ -118,6 +125,7 @@ pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     let SolverWork { fields, force, touched, .. } = work;
     let Solver { qfrc_constraint, wrench, .. } = fields;
     qfrc_constraint.fill(L::zero());
+    equality::pull(problem, &force.equality, qfrc_constraint);
     for row in constraint.apart() {
         contact::pull_apart(problem, row, &force.component[row.components()], qfrc_constraint);
     }
@@ -153,7 +161,7 @@ fn climb<L: Lane>(problem: &Problem<'_, L>, touched: &[bool], wrench: &mut [Spat
 
 /// Cost of the rows at y.
 pub fn cost<L: Lane>(problem: &Problem<'_, L>, y: &RowVector<L>) -> L {
-    let mut twice = joints::twice_cost(problem, &y.dof);
+    let mut twice = joints::twice_cost(problem, &y.dof) + equality::twice_cost(problem, &y.equality);
     for row in &problem.constraint.contact_rows {
         twice += cone::twice_cost(problem.constraint.law(row), &y.component[row.components()]);
     }

@@ -151,6 +151,26 @@ fn weights_of_a_slider() {
     agrees(&centred, "dof_M0", &[55.0]);
 }
 
+/// A trunk with an arm that forks and a leg, and motors on every joint but the first; figures of MuJoCo 4.0.0.
+#[test]
+fn accelerations_by_actuators_of_branches() {
+    let text = r#"<mujoco><worldbody><body pos="0 0 1"><freejoint/><geom type="box" size="0.2 0.1 0.05"/>
+      <body pos="0.2 0.1 0"><joint name="a" type="ball" armature="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0.1 0.3 -0.2" size="0.03"/>
+        <body pos="0.1 0.3 -0.2"><joint name="aa" axis="1 1 0"/>
+          <geom type="capsule" fromto="0 0 0 0.2 0 0.1" size="0.02"/></body>
+        <body pos="0.1 0.3 -0.2"><joint name="ab" type="slide" axis="0 1 2"/><geom size="0.04"/></body></body>
+      <body pos="-0.2 0.1 0"><joint name="b" axis="0 1 0" pos="0 0 0.02"/>
+        <geom type="capsule" fromto="0 0 0 0 0.1 -0.4" size="0.03"/>
+        <body pos="0 0.1 -0.4"><joint name="ba" axis="0 0 1" armature="0.02"/>
+          <geom type="box" size="0.1 0.02 0.02" pos="0.1 0 0"/></body></body>
+    </body></worldbody><actuator><motor joint="a" gear="1 2 3"/><motor joint="aa" gear="2"/><motor joint="ab"/>
+    <motor joint="b"/><motor joint="ba" gear="5"/></actuator></mujoco>"#;
+    let model = Model::from_xml_string(text, &Default::default()).expect("a model");
+    let norms = [77.63399211591538, 1103.153415712395, 13.939505571581313, 14.711797751336801, 213.95005623773798];
+    agrees(&model, "actuator_acc0", &norms);
+}
+
 #[test]
 fn springs_from_time_constants() {
     let two = |springs: [[f64; 2]; 2]| {

@@ -67,15 +67,31 @@ fn ranges_that_are_empty_bound_nothing_and_are_noted() {
     for name in ["jnt_limited", "jnt_actfrclimited", "actuator_ctrllimited", "actuator_forcelimited"] {
         agrees(&model, name, &[0.0]);
     }
-    let notes = model.report().notes.join("\n");
-    for note in [
-        "joint \"j\": range 1 1 is empty: not limited",
-        "joint \"j\": actuatorfrcrange 2 -2 is empty: not limited",
-        "actuator #0: ctrlrange 1 -1 is empty: not limited",
-        "actuator #0: forcerange 1 1 is empty: not limited",
-    ] {
-        assert!(notes.contains(note), "{notes}");
-    }
+    assert_eq!(
+        model.report().notes,
+        ["line 1: ranges are empty and limit nothing: joint \"j\" range 1 1, joint \"j\" actuatorfrcrange 2 -2, \
+             actuator #0 ctrlrange 1 -1, actuator #0 forcerange 1 1"]
+    );
+}
+
+/// However many elements a sentence is true of, it is said once.
+#[test]
+fn notes_are_bounded() {
+    let joint = "range='1 1' actuatorfrcrange='2 -2' stiffness='-1'";
+    let inertial = "<inertial pos='0 0 0' mass='1' diaginertia='1 1 3'/>";
+    let bodies = format!("<body><joint {joint}/>{inertial}</body>").repeat(2000);
+    let text = format!("<mujoco><compiler balanceinertia='true'/><worldbody>{bodies}</worldbody></mujoco>");
+    assert_eq!(
+        load(&text).report().notes,
+        [
+            "line 1: inertia violated A + B >= C and was replaced by its mean: body #1, body #2, body #3, body #4, \
+             body #5 and 1995 more",
+            "line 1: stiffness is negative, the spring pushes away: joint #0, joint #1, joint #2, joint #3, joint #4 and \
+             1995 more",
+            "line 1: ranges are empty and limit nothing: joint #0 range 1 1, joint #0 actuatorfrcrange 2 -2, joint #1 \
+             range 1 1, joint #1 actuatorfrcrange 2 -2, joint #2 range 1 1 and 3995 more",
+        ]
+    );
 }
 
 #[test]

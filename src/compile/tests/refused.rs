@@ -126,6 +126,12 @@ fn refused_references() {
     refuses(|s| s.actuators.push(motor("")), "acts on nothing");
     refuses(|s| s.actuators.push(Actuator { ctrllimited: Tri::True, ..motor("j") }), "ctrlrange is empty");
     refuses(|s| s.actuators.push(Actuator { inheritrange: 1.0, ..motor("j") }), "joint \"j\" has no range");
+    // Half of what is infinite is nowhere: the control range was [-inf NaN].
+    let half_open = |s: &mut Spec| {
+        s.bodies[1].joints[0].range = Some([f64::NEG_INFINITY, 1.0]);
+        s.actuators.push(Actuator { inheritrange: 1.0, ..motor("j") });
+    };
+    refuses(half_open, "inheritrange, but the range of joint \"j\" has an infinite end (give ctrlrange)");
     refuses(|s| s.actuators.push(Actuator { armature: -1.0, ..motor("j") }), "armature is negative");
     refuses(|s| s.keys.push(Key { qpos: Some(vec![0.0; 2]), ..Key::default() }), "qpos has 2 numbers, the model has 1");
     refuses(|s| s.keys.push(Key { ctrl: Some(vec![f64::NAN]), ..Key::default() }), "ctrl has 1 numbers");

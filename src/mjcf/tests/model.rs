@@ -133,8 +133,13 @@ fn overrides() {
         parse("<mujoco/>", &LoadOptions { lenient: false, overrides })
     };
     let bad = both([("timestep", "1"), ("timestep", "2")]).expect_err("which?").to_string();
-    assert_eq!(bad, "option \"timestep\" is given twice (give it once)");
+    assert_eq!(bad, "option \"timestep\" is given both as \"1\" and as \"2\" (give it once)");
+    assert_eq!(both([("timestep", "1"), ("timestep", "1 ")]).expect("no contradiction").option.timestep, 1.0);
     both([("gravity", "0 0 1"), ("gravity", "disable")]).expect("an option and a flag");
+    let list = |pairs: &[(&str, &str)]| pairs.iter().map(|(n, v)| (n.to_string(), v.to_string())).collect::<Vec<_>>();
+    let earlier = list(&[("gravity", "0 0 1"), ("timestep", "1"), ("gravity", "disable")]);
+    let replaced = crate::mjcf::replace_overrides(&earlier, &list(&[("timestep", "2"), ("gravity", "enable")]));
+    assert_eq!(replaced, list(&[("gravity", "0 0 1"), ("timestep", "2"), ("gravity", "enable")]));
     let bad = with("contact", "no").expect_err("bad").to_string();
     assert_eq!(bad, "option \"contact\": \"no\" is not one of enable, disable");
 }

@@ -19,6 +19,11 @@ fn what_is_not_xml() {
         "1: not well-formed XML: the root node was opened but never closed (every tag must be closed, every value be in \
          quotes)",
     );
+    // No tag and no quote is at fault.
+    rejects(
+        "<mujoco model='a\u{0}b'/>",
+        "1: not well-formed XML: a non-XML character '\\0' found at 1:17 (remove the character)",
+    );
     rejects(
         "<!DOCTYPE a [<!ENTITY b \"c\">]><mujoco/>",
         "1: not well-formed XML: XML with DTD detected (remove the document type declaration)",
@@ -171,6 +176,17 @@ fn includes_from_disk() {
     assert!(problem("none.xml").starts_with("the file cannot be read: "));
     assert_eq!(problem("parts"), "the file cannot be read: not a regular file");
     std::fs::remove_dir_all(&folder).expect("removed");
+}
+
+/// A main file that is named without a folder has one all the same: a missing include is answered with its neighbour.
+#[test]
+fn neighbours_of_includes_are_sought_without_a_folder() {
+    // The tests run in the folder of the package.
+    let name = format!("lanesim-neighbour-{}.xml", std::process::id());
+    std::fs::write(&name, "<mujoco><include file='Cargo.tomll'/></mujoco>").expect("written");
+    let problem = load(std::path::Path::new(&name), &LoadOptions::default()).expect_err("missing").0[0].clone();
+    std::fs::remove_file(&name).expect("removed");
+    assert!(problem.remedy.starts_with("did you mean \"Cargo.toml\"? "), "{problem}");
 }
 
 /// MuJoCo reads no text between tags, so nothing in it is a fault.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{close, ok, rejects, world};
-use crate::mjcf::{LoadOptions, load, parse_with_files};
+use crate::mjcf::{LoadOptions, load, parse, parse_with_files};
 use crate::spec::{Source, Tri};
 
 const MODEL: &str = "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>";
@@ -167,4 +167,16 @@ fn infinite_ends_of_ranges_are_read() {
         "1: joint: attribute \"range\": \"nan\" is not a finite number",
     );
     assert_eq!(joint("-inf inf").bodies[1].joints[0].source, Source { file: None, line: 1 });
+}
+
+/// A solver that cannot reach its tolerance made a billion sweeps in every step.
+#[test]
+fn iterations_without_end_are_noted() {
+    let load = |attribute: &str| parse(&format!("<mujoco>\n<option {attribute}/></mujoco>"), &Default::default());
+    let spec = load("noslip_iterations='1000000000' iterations='10000'").expect("a model");
+    let note =
+        "line 2: option: noslip_iterations 1000000000 count as 10000: what has not converged by then lost its digits";
+    assert_eq!(spec.notes, [note]);
+    let model = crate::Model::from_spec(&spec).expect("a model");
+    assert_eq!((model.tables().options.noslip_iterations, spec.option.noslip_iterations), (10_000, 1_000_000_000));
 }

@@ -1,0 +1,24 @@
+//! The position of a joint as a polynomial of another's.
+
+use super::{Held, Rates};
+use crate::lane::Lane;
+use crate::math::vec3::zero;
+use crate::model::{Equality, NONE};
+
+/// r = y - y₀ - Σ aₖ (x - x₀)ᵏ of a joint at y and another at x; without another, r = y - y₀ - a₀.
+#[inline(always)]
+pub(super) fn held<L: Lane>(equality: &Equality<L::Real>, qpos: &[L]) -> Held<L> {
+    let [y, x] = equality.qpos;
+    let [y0, x0] = equality.reference.map(L::splat);
+    let [a0, a1, a2, a3, a4] = equality.polynomial.map(L::splat);
+    let (mut off, mut slope) = (qpos[y as usize] - y0 - a0, L::zero());
+    if x != NONE {
+        let x = qpos[x as usize] - x0;
+        off -= x * x.mul_add(x.mul_add(x.mul_add(a4, a3), a2), a1);
+        let [two, three, four] = [2.0, 3.0, 4.0].map(L::of);
+        slope = x.mul_add(x.mul_add(x.mul_add(four * a4, three * a3), two * a2), a1);
+    }
+    let mut pos = zero();
+    pos[0] = off;
+    Held { pos, drift: zero(), rates: Rates::Joints([L::one(), -slope]) }
+}

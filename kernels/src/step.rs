@@ -1,0 +1,110 @@
+//! A step: the stages are evaluated, whoever wants to looks at them, and an integrator makes the next state of what they found.
+
+use crate::diagnosis;
+use crate::integration::{self, Rk4};
+use crate::lane::LaneQuery;
+use crate::model::{Instance, Model};
+use crate::part::{Op, Part, Step};
+use crate::pipeline::{Run, Solved, Stage, Stages, forward};
+use crate::solver::Solver;
+use crate::state::{BlockStatus, State, Status};
+use crate::workspace::Workspace;
+
+/// One step: evaluate, then advance.
+pub fn step<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &mut State<L>,
+    run: &mut Run<'_, L>,
+    status: &mut BlockStatus,
+    ws: &mut Workspace<L>,
+) {
+    let solved = evaluate(model, state, run, status, ws);
+    advance(model, state, run, status, solved, ws);
+}
+
+/// The first part of a step: all stages at its state. What they leave can be read until the step advances.
+pub fn evaluate<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &mut State<L>,
+    run: &mut Run<'_, L>,
+    status: &mut BlockStatus,
+    ws: &mut Workspace<L>,
+) -> Solved {
+    if let Some(clock) = &mut run.clock {
+        clock.start();
+    }
+    run.stages = run.stages | Stages::STEP;
+    forward(model, state, run, status, ws)
+}
+
+/// The second part: integrate, check, commit. `solved` is what the first part returned. A world whose next state would not be
+/// finite, or huge, keeps its last state and is frozen.
+pub fn advance<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &mut State<L>,
+    run: &mut Run<'_, L>,
+    status: &mut BlockStatus,
+    mut solved: Solved,
+    ws: &mut Workspace<L>,
+) {
+    // What was done with the stages in between is not part of the step.
+    if let Some(clock) = &mut run.clock {
+        clock.start();
+    }
+    let good = if let Some(mut rk4) = ws.rk4.take() {
+        solved = evaluate_between(model, state, run, status, solved, (&mut rk4, ws));
+        ws.rk4 = Some(rk4);
+        // An acceleration on the way counts by the states to which it leads.
+        let accelerations = [&ws.solver.fields.qacc[..], &ws.acceleration.qacc_smooth];
+        let model = Instance { model, varied: run.varied };
+        integration::replace(model, &ws.integration, accelerations, L::mask_of(solved.lanes), state);
+        solved.lanes
+    } else {
+        let (model, mut good) = (Instance { model, varied: run.varied }, [0]);
+        let step = &mut Step { model, state, applied: run.applied, ws, stages: run.stages, clock: None };
+        run.executor.run(Part::new(Op::Integrate), solved.lanes, &mut good, step);
+        good[0]
+    };
+    // How a solver ends that works with numbers beyond all bounds says nothing, and may depend on other worlds' contacts.
+    status.record(Status::NOT_CONVERGED, solved.unfinished & good);
+    let lost = status.alive & !good;
+    if lost != 0 {
+        diagnosis::freeze(ws, lost, status);
+    }
+    if let Some(clock) = &mut run.clock {
+        clock.end(Stage::Integration);
+    }
+}
+
+/// The evaluations of a Runge-Kutta step after the first, and the next state that follows from all. Returns what the solvers made of
+/// the worlds: those with which all could work, and those in which any reached its limit.
+///
+/// A world that is lost on the way stays where it was lost: further evaluations repeat the one that lost it, so that the workspace
+/// still holds what happened.
+fn evaluate_between<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &State<L>,
+    run: &mut Run<'_, L>,
+    status: &mut BlockStatus,
+    mut solved: Solved,
+    (rk4, ws): (&mut Rk4<L>, &mut Workspace<L>),
+) -> Solved {
+    // Nobody reads what they leave.
+    let wanted = (run.stages, run.residual, run.keep);
+    (run.stages, run.residual, run.keep) = (Stages::STEP, false, false);
+    let mut good = L::mask_of(solved.lanes);
+    rk4.start(state);
+    for part in 0..Rk4::<L>::PARTS {
+        let Workspace { solver, acceleration, integration, .. } = &mut *ws;
+        let Solver { qacc, .. } = &solver.fields;
+        good = rk4.take(model, part, [qacc, &acceleration.qacc_smooth], state, good, integration);
+        if part + 1 < Rk4::<L>::PARTS {
+            let next = forward(model, &mut rk4.stage, run, status, ws);
+            solved.unfinished |= next.unfinished;
+            good = good & L::mask_of(next.lanes);
+        }
+    }
+    (run.stages, run.residual, run.keep) = wanted;
+    solved.lanes &= L::bits(good);
+    solved
+}

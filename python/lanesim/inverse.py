@@ -1,0 +1,93 @@
+"""Inverse dynamics: states and accelerations in, forces out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _lanesim
+from .errors import InputError
+from .model import Model, check_model
+from .worlds import Worlds
+
+__all__ = ["inverse"]
+
+_MOST = 1 << 14
+"""Worlds that are inverted at once."""
+
+
+def inverse(
+    model: Model,
+    qpos: ArrayLike,
+    qvel: ArrayLike,
+    qacc: ArrayLike,
+    *,
+    act: ArrayLike | None = None,
+    ctrl: ArrayLike | None = None,
+    discrete: bool | None = None,
+    threads: int | None = None,
+    precision: str = "f64",
+    backend: str = "auto",
+) -> NDArray[Any]:
+    """The generalised forces for which states have given accelerations: of one state, of many, or of whole trajectories.
+
+    >>> model = lanesim.Model.from_xml_path("models/zoo/arm.xml")
+    >>> force = lanesim.inverse(model, qpos, qvel, qacc)     # [nworld, nstep, nq], [nworld, nstep, nv] twice
+
+    Args:
+        model: The model.
+        qpos: Positions, [..., nq], with any leading dimensions: none, [N], [nworld, nstep].
+        qvel: Velocities, [..., nv].
+        qacc: Accelerations, [..., nv] (m/s^2, rad/s^2).
+        act: Activations, [..., na]; None: zero.
+        ctrl: Controls, [..., nu]; None: zero. They have no force here; with `discrete` they decide what actuators gain with
+            velocity.
+        discrete: Whether `qacc` is what qvel gains over a step, divided by the time step, so that a step with the force
+            returned gives it back; otherwise it is the derivative of qvel. None: as the model's flag ``invdiscrete`` says.
+        threads: Worker threads; None: as many as there are processors.
+        precision: "f64" or "f32"; the result has that type.
+        backend: As for `Worlds`; the same bits.
+
+    Returns:
+        [..., nv]: what must come from actuators and from outside, MuJoCo's ``qfrc_inverse`` (N, N m). NaN for states that
+        cannot be stepped, such as those with numbers beyond all bounds.
+
+    Raises:
+        InputError: Arrays have other shapes, or hold numbers that are not finite.
+        OptionError: `discrete` with the integrator RK4, which evaluates several states in a step.
+    """
+    check_model(model)
+    if discrete is not None and bool(discrete) != model.opt.flags["invdiscrete"]:
+        model = model.replace(invdiscrete=bool(discrete))
+    given = {"qpos": (qpos, "nq"), "qvel": (qvel, "nv"), "act": (act, "na"), "ctrl": (ctrl, "nu")}
+    accelerations = _arrays.numbers("qacc", qacc)
+    leading = accelerations.shape[:-1]
+    if accelerations.ndim == 0 or accelerations.shape[-1] != model.nv:
+        raise InputError(f"array `qacc` has shape {list(accelerations.shape)}; expected [..., nv={model.nv}]")
+    _lanesim.check_finite("qacc", accelerations)
+    rows = {}
+    for name, (values, size) in given.items():
+        if values is None:
+            continue
+        array = _arrays.numbers(name, values)
+        dims = [*(("", n) for n in leading), (size, getattr(model, size))]
+        if array.shape != tuple(n for _, n in dims):
+            raise InputError(f"array `{name}` has shape {list(array.shape)}; expected {_arrays.show(dims)}: qacc has as many rows")
+        _lanesim.check_finite(name, array)
+        rows[name] = array.reshape(math.prod(leading), -1) if array.size else array
+    count = math.prod(leading)
+    out = np.empty((count, model.nv), np.float32 if precision == "f32" else np.float64)
+    worlds: Worlds | None = None
+    for first in range(0, count, _MOST):
+        here = slice(first, min(first + _MOST, count))
+        number = here.stop - first
+        if worlds is None or worlds.nworld != number:
+            worlds = Worlds(model, number, precision, threads, backend=backend)
+        for name, values in rows.items():
+            if values.size:
+                worlds.set(name, values[here])
+        worlds.inverse(accelerations.reshape(count, model.nv)[here], out[here])
+    return out.reshape(*leading, model.nv)
