@@ -3,7 +3,7 @@
 use lanesim_codegen::{Block, Windows, WindowsList};
 use lanesim_kernels::constraint::Classes;
 use lanesim_kernels::model::Sides;
-use lanesim_kernels::part::{COLUMNS, Item, KIND_COLUMNS, Starts, Step};
+use lanesim_kernels::part::{COLUMNS, Item, KIND_COLUMNS, SIDES, Starts, Step};
 
 /// A list of windows of contacts.
 pub type List<'a> = WindowsList<'a, COLUMNS>;
@@ -25,12 +25,9 @@ pub struct Places {
     extents: Vec<(usize, usize)>,
     /// Worlds for which the second lists were made; `None`: they were not yet.
     open: Option<u32>,
-    /// Of every contact both sides of which move a list of its own.
-    singles: Windows<COLUMNS>,
-    /// By contact, the number of that list.
-    numbers: Vec<u32>,
-    /// The first contact between trees, or the number of all.
-    apart: usize,
+    /// Of all contacts one list, if both sides of some move.
+    both: Windows<COLUMNS>,
+    coupled: bool,
 }
 
 impl Places {
@@ -45,9 +42,8 @@ impl Places {
             lanes: Vec::with_capacity(contacts),
             extents: Vec::with_capacity(kinds.len()),
             open: None,
-            singles: Windows::with_capacity(contacts, contacts),
-            numbers: Vec::with_capacity(contacts),
-            apart: 0,
+            both: Windows::with_capacity(1, contacts),
+            coupled: false,
         }
     }
 
@@ -55,16 +51,13 @@ impl Places {
     pub fn place<L: Block>(&mut self, step: &Step<'_, L>) {
         let (constraint, model) = (&step.ws.constraint, step.model.model);
         let rows = &constraint.contact_rows;
-        let Places { starts, kinds, present, lanes, extents, singles, numbers, .. } = self;
+        let Places { starts, kinds, present, lanes, extents, both, coupled, .. } = self;
         starts.clear();
         starts.extend(rows.iter().map(|row| Item::Row(row).starts(model, L::WIDTH)));
-        (kinds.clear(), singles.clear());
+        (kinds.clear(), both.clear());
         (lanes.clear(), extents.clear(), present.clear());
         self.open = None;
-        self.apart = rows.len();
-        if constraint.between_trees && constraint.coupled {
-            self.apart = rows.iter().position(|row| row.sides == Sides::Apart).unwrap_or(rows.len());
-        }
+        *coupled = constraint.coupled;
         for kind in 0..self.count {
             let first = lanes.len();
             let mine = rows.iter().zip(&*starts).filter(|(row, _)| row.number as usize == kind);
@@ -78,23 +71,21 @@ impl Places {
                 present.push(kind);
             }
         }
-        numbers.clear();
-        if constraint.coupled {
-            let mut count = 0;
-            for (row, starts) in rows.iter().zip(&*starts) {
-                numbers.push(count);
-                if row.sides != Sides::One {
-                    singles.add(std::iter::once(*starts));
-                    count += 1;
-                }
-            }
+        if *coupled {
+            both.add(rows.iter().zip(&*starts).map(|(row, starts)| match row.sides {
+                // These take no part in order.
+                Sides::One => [0; COLUMNS],
+                // These do with their Jacobian alone: where their links are may be beyond what others have there.
+                Sides::Two => std::array::from_fn(|column| if SIDES.contains(&column) { 0 } else { starts[column] }),
+                Sides::Apart => *starts,
+            }));
         }
     }
 
-    /// The first contact between trees, or the number of all.
+    /// Whether both sides of some contacts move.
     #[inline(always)]
-    pub fn apart(&self) -> usize {
-        self.apart
+    pub fn coupled(&self) -> bool {
+        self.coupled
     }
 
     /// Numbers of the kinds that there are contacts of.
@@ -115,10 +106,10 @@ impl Places {
         self.kinds.list(self.count + kind)
     }
 
-    /// One contact, both sides of which move.
+    /// The contacts from one to another, where both sides of some move.
     #[inline(always)]
-    pub fn single(&self, row: usize) -> List<'_> {
-        self.singles.list(self.numbers[row] as usize)
+    pub fn both(&self, start: usize, end: usize) -> List<'_> {
+        self.both.list(0).part(start, end)
     }
 
     /// Leaves the contacts in the second lists that act in some world of `open`, which are fewer from call to call.

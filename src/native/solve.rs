@@ -7,7 +7,7 @@ use lanesim_codegen::{Block, Float, Scratch, Session};
 use lanesim_kernels::constraint::ContactRow;
 use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{Op, Part, Parts, Step};
+use lanesim_kernels::part::{Family, Op, Part, Parts, Step};
 
 use super::BOUND;
 use super::library::{Coded, KIND_OPS, ModelCode};
@@ -38,7 +38,8 @@ pub struct Solve<'a, L: Block> {
     whole: Factor,
     /// The worlds for whose contacts it was chosen, and whether some join; `None`: it was not yet.
     chosen: Option<(u32, bool)>,
-    /// Worlds in which equality constraints act that join branches.
+    /// Whether anything that is listed joins branches, and worlds in which equality constraints act that do.
+    cross: bool,
     joining: u32,
     session: Session<'a, L::Float>,
 }
@@ -65,7 +66,7 @@ impl<'a, L: Block> Solve<'a, L> {
         if constraint.coupled && !constraint.contact_rows.iter().all(of_pair) {
             return None;
         }
-        let joining = constraint.equality.cross;
+        let (cross, joining) = (constraint.cross, constraint.equality.cross);
         // Whatever of them acts later fits where all do.
         let full = [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
         let whole = if full {
@@ -75,7 +76,7 @@ impl<'a, L: Block> Solve<'a, L> {
         };
         let mut rows = &[][..];
         let session = code.lend(set, (scratch, step), &mut rows);
-        Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, joining, session })
+        Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, cross, joining, session })
     }
 
     /// Number of a call: that of the part, or one beyond those of all for a pattern.
@@ -86,6 +87,22 @@ impl<'a, L: Block> Solve<'a, L> {
                 self.code.common.count() + 2 * place + usize::from(op == Op::Polish)
             }
             _ => self.code.common.first(part.op) + part.of as usize,
+        }
+    }
+
+    /// Runs a part in the order of the list: for all that follow each other and are of one class at once.
+    fn in_order(&mut self, op: Op, acting: u32, masks: [u32; 2]) {
+        let has = |row: &ContactRow| op.in_order(row.sides) && op.applies(row.sides) && row.lanes & acting != 0;
+        let mut end = 0;
+        while let Some(skipped) = self.rows[end..].iter().position(has) {
+            let start = end + skipped;
+            let part = self.rows[start].part(op);
+            let alike = |row: &ContactRow| has(row) && row.part(op) == part;
+            end = start + self.rows[start..].iter().take_while(|row| alike(row)).count();
+            let call = self.code.common.first(op) + part.of as usize;
+            while self.session.run_each(call, masks, self.places.both(start, end)).is_none() {
+                self.bind(part, call);
+            }
         }
     }
 
@@ -151,11 +168,11 @@ impl<L: Block> Parts for Solve<'_, L> {
     }
 
     fn each(&mut self, op: Op, acting: u32, masks: [u32; 2]) {
-        for row in self.places.apart()..self.rows.len() {
-            let ContactRow { sides, lanes, .. } = self.rows[row];
-            if sides == Sides::Apart && lanes & acting != 0 && op.applies(sides) {
-                self.row(op, row, masks);
-            }
+        if self.places.coupled() {
+            self.in_order(op, acting, masks);
+        }
+        if op.family() != Family::Kind {
+            return;
         }
         let whole = acting == u32::MAX;
         if !whole {
@@ -176,21 +193,16 @@ impl<L: Block> Parts for Solve<'_, L> {
         }
     }
 
-    fn row(&mut self, op: Op, row: usize, masks: [u32; 2]) {
-        let part = self.rows[row].part(op);
-        let call = self.code.common.first(op) + part.of as usize;
-        while self.session.run_each(call, masks, self.places.single(row)).is_none() {
-            self.bind(part, call);
-        }
-    }
-
     fn fill(&mut self, acting: u32) -> bool {
         if let Some((known, filled)) = self.chosen {
             if known == acting {
                 return filled;
             }
         }
-        let Solve { root, code, rows, found, factor, whole, joining, .. } = self;
+        let Solve { root, code, rows, found, factor, whole, joining, cross, .. } = self;
+        if !*cross {
+            return false;
+        }
         let filled = *joining & acting != 0 || rows.iter().any(|row| joins(&code.tables, row, acting));
         *factor = pattern((root, code), found, (rows, *joining), acting).unwrap_or(*whole);
         self.chosen = Some((acting, filled));

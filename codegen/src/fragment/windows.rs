@@ -110,6 +110,17 @@ impl<const N: usize> WindowsList<'_, N> {
         self.offsets.len()
     }
 
+    /// The items from one to another.
+    ///
+    /// # Panics
+    ///
+    /// If there are not so many.
+    #[inline]
+    pub fn part(&self, start: usize, end: usize) -> Self {
+        // The largest starts bound those of fewer items.
+        WindowsList { offsets: &self.offsets[start..end], largest: self.largest }
+    }
+
     /// Whether there is no item.
     #[inline]
     pub fn is_empty(&self) -> bool {

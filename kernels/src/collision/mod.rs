@@ -169,8 +169,12 @@ impl<L: Lane> Collision<L> {
     /// Bytes of that.
     pub fn bytes(model: &Model<L::Real>) -> usize {
         let (most, pairs) = (model.capacity().contacts, model.pairs.len());
-        let lists = most * (size_of::<Found<L>>() + size_of::<Slot>()) + pairs.min(most) * size_of::<Near>();
-        Colliders::<L>::bytes(&model.sizes) + lists + pairs * size_of::<Extent>() + Broad::<L>::bytes(model)
+        let found = size_of::<Found<L>>() + size_of::<L>() + size_of::<Slot>();
+        let lists = most * found + pairs.min(most) * size_of::<Near>();
+        Colliders::<L>::bytes(&model.sizes)
+            + lists
+            + pairs * (size_of::<Extent>() + 2 * size_of::<u32>())
+            + Broad::<L>::bytes(model)
     }
 
     /// Listed contact by number.

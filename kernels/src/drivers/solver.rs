@@ -141,17 +141,12 @@ fn direct<L: LaneQuery>(open: u32, parts: &mut dyn Parts) -> bool {
     let couples = |row: &ContactRow| row.sides != Sides::One && row.lanes & factored != 0;
     parts.each(Op::Stiffen, factored, [0, open]);
     let filled = parts.fill(factored);
-    let coupled = parts.rows().iter().any(couples);
-    if !coupled && !filled {
+    if !filled && !parts.rows().iter().any(couples) {
         parts.run(Part::new(Op::Turn), [open; 2]);
         return false;
     }
     parts.run(Part::new(Op::Curve), [open; 2]);
-    for row in 0..parts.rows().len() {
-        if couples(&parts.rows()[row]) {
-            parts.row(Op::Couple, row, [0, open]);
-        }
-    }
+    parts.each(Op::Couple, factored, [0, open]);
     parts.run(Part::of(Op::Descend, u32::from(filled)), [open; 2]);
     filled
 }

@@ -42,10 +42,9 @@ pub trait Parts {
     fn rows(&self) -> &[ContactRow];
     /// Runs a part for the block as a whole.
     fn run(&mut self, part: Part, masks: [u32; 2]) -> [u32; 2];
-    /// Runs a part for the listed contacts that act in some world of `acting`: those between trees, then kind by kind.
+    /// Runs a part for the listed contacts that act in some world of `acting` and have it: those [in order](Op::in_order), then class
+    /// by class.
     fn each(&mut self, op: Op, acting: u32, masks: [u32; 2]);
-    /// Runs a part for a listed contact.
-    fn row(&mut self, op: Op, row: usize, masks: [u32; 2]);
     /// Makes the factor's pattern fit for contacts that act in some world of `acting`; whether it is a filled one.
     fn fill(&mut self, acting: u32) -> bool;
 }
@@ -80,9 +79,14 @@ impl Op {
     pub fn applies(self, sides: Sides) -> bool {
         match self {
             Op::Stiffen | Op::Measure => sides == Sides::One,
-            Op::MeasureBoth => sides != Sides::One,
+            Op::MeasureBoth | Op::Couple => sides != Sides::One,
             _ => true,
         }
+    }
+
+    /// Whether contacts with such sides have the part in the order of the list: what they add goes by their Jacobian.
+    pub fn in_order(self, sides: Sides) -> bool {
+        self == Op::Couple || self.family() == Family::Kind && sides == Sides::Apart
     }
 }
 
@@ -114,30 +118,29 @@ impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
     fn each(&mut self, op: Op, acting: u32, [given, _]: [u32; 2]) {
         let OneByOne { executor, step, rows, .. } = self;
         let acting = rows.iter().filter(|row| row.lanes & acting != 0 && op.applies(row.sides));
-        // Forces of those between trees are summed in the order of the list.
-        let single = |row: &ContactRow| op.family() == Family::Kind && row.sides == Sides::Apart;
-        for row in acting.clone().filter(|row| single(row)) {
-            executor.each(row.part(op), &mut std::iter::once(Item::Row(row)), given, step);
-        }
-        let others = acting.filter(|row| !single(row)).map(|row| (row.part(op).of, row));
         let mut next = 0;
+        // Forces and stiffnesses of those that go by their Jacobian are summed in the order of the list.
+        let mut in_order = acting.clone().filter(|row| op.in_order(row.sides)).peekable();
+        while let Some(first) = in_order.next() {
+            let part = first.part(op);
+            let alike = std::iter::from_fn(|| in_order.next_if(|row| row.part(op) == part));
+            executor.each(part, &mut std::iter::once(first).chain(alike).map(Item::Row), given, step);
+        }
+        let others = acting.filter(|row| !op.in_order(row.sides)).map(|row| (row.part(op).of, row));
         while let Some(class) = others.clone().map(|(class, _)| class).filter(|class| *class >= next).min() {
-            let of_class = others.clone().filter(|(of, _)| *of == class).map(|(_, row)| Item::Row(row));
-            executor.each(Part::of(op, class), &mut { of_class }, given, step);
+            let mut of_class = others.clone().filter(|(of, _)| *of == class).map(|(_, row)| Item::Row(row));
+            executor.each(Part::of(op, class), &mut of_class, given, step);
             next = class + 1;
         }
-    }
-
-    fn row(&mut self, op: Op, row: usize, [given, _]: [u32; 2]) {
-        let row = self.rows[row];
-        self.executor.each(row.part(op), &mut std::iter::once(Item::Row(&row)), given, self.step);
     }
 
     fn fill(&mut self, acting: u32) -> bool {
         let OneByOne { step, rows, filled, .. } = self;
         let model = step.model.model;
         let joins = |row: &&ContactRow| row.lanes & acting != 0 && model.pairs[row.pair as usize].cross;
-        if step.ws.constraint.equality.cross & acting == 0 && !rows.iter().any(|row| joins(&row)) {
+        let constraint = &step.ws.constraint;
+        let joined = || constraint.equality.cross & acting != 0 || rows.iter().any(|row| joins(&row));
+        if !constraint.cross || !joined() {
             return false;
         }
         if filled.replace(acting) != Some(acting) {
