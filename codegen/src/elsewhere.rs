@@ -34,21 +34,31 @@ impl Code {
         match self.none {}
     }
 
-    /// # Safety
-    ///
-    /// Cannot be called.
-    pub unsafe fn run(&self, _: &Arguments) {
-        match self.none {}
-    }
-
-    /// # Safety
-    ///
-    /// Cannot be called.
-    pub unsafe fn run_each(&self, _: &Arguments, _: &[usize]) {
+    pub fn runner(&self) -> Runner {
         match self.none {}
     }
 
     pub fn disassembly(&self) -> String {
         match self.none {}
+    }
+}
+
+/// Code to be run, of which there is none.
+#[derive(Clone, Copy)]
+pub(crate) struct Runner(std::convert::Infallible);
+
+impl Runner {
+    /// # Safety
+    ///
+    /// Cannot be called.
+    pub unsafe fn run(self, _: &Arguments) {
+        match self.0 {}
+    }
+
+    /// # Safety
+    ///
+    /// Cannot be called.
+    pub unsafe fn run_each(self, _: &Arguments, _: &[usize]) {
+        match self.0 {}
     }
 }

@@ -59,36 +59,10 @@ impl Code {
         self.memory.code().len()
     }
 
-    /// Runs the code.
-    ///
-    /// # Safety
-    ///
-    /// The addresses must be those of memory as large as the code was emitted for, aligned to 64 bytes (fields of lanes,
-    /// constants, slots) or to their entries (uniform fields, masks), biased as [`crate::layout::bias`] says, and what is
-    /// written to must be borrowed mutably.
-    #[inline]
-    pub unsafe fn run(&self, arguments: &Arguments) {
-        let Arguments { fields, constants, slots, masks_in, masks_out } = *arguments;
-        // SAFETY: the code reads and writes nothing but entries of what it is given, which `emit` asserts for every memory
-        // operand and the caller vouches for; it preserves the registers and the stack that the convention asks for, and
-        // `InstructionSet::check` has found its instructions on this machine before it was compiled.
-        unsafe { (self.entry)(fields, constants, slots, masks_in, masks_out) };
-    }
-
-    /// Runs the code that was emitted for windows, once for every item.
-    ///
-    /// # Safety
-    ///
-    /// As for [`run`](Code::run), for the fields from where every item says that they start. The items are whole ones of
-    /// the width that the code was emitted for, and at least one.
-    #[inline]
-    pub unsafe fn run_each(&self, arguments: &Arguments, items: &[usize]) {
-        let Arguments { fields, constants, slots, masks_in, .. } = *arguments;
-        let items = items.as_ptr_range();
-        // SAFETY: for windows, `emit` writes a function of this signature.
-        let entry = unsafe { std::mem::transmute::<Entry, EntryEach>(self.entry) };
-        // SAFETY: as in `run`; the loop ends at the end of the items, which is a whole number of them, not 0, ahead.
-        unsafe { entry(fields, constants, slots, masks_in, items.start, items.end) };
+    /// The code to be run.
+    #[inline(always)]
+    pub fn runner(&self) -> Runner {
+        Runner(self.entry)
     }
 
     /// The instructions as text, one a line.
@@ -100,5 +74,43 @@ impl Code {
             text.push('\n');
         }
         text
+    }
+}
+
+/// Code to be run, as long as the [`Code`] that it is of lives.
+#[derive(Clone, Copy)]
+pub(crate) struct Runner(Entry);
+
+impl Runner {
+    /// Runs the code.
+    ///
+    /// # Safety
+    ///
+    /// The code must live. The addresses must be those of memory as large as the code was emitted for, aligned to 64 bytes (fields
+    /// of lanes, constants, slots) or to their entries (uniform fields, masks), biased as [`crate::layout::bias`] says, and what
+    /// is written to must be borrowed mutably.
+    #[inline(always)]
+    pub unsafe fn run(self, arguments: &Arguments) {
+        let Arguments { fields, constants, slots, masks_in, masks_out } = *arguments;
+        // SAFETY: the code reads and writes nothing but entries of what it is given, which `emit` asserts for every memory
+        // operand and the caller vouches for; it preserves the registers and the stack that the convention asks for, and
+        // `InstructionSet::check` has found its instructions on this machine before it was compiled.
+        unsafe { (self.0)(fields, constants, slots, masks_in, masks_out) };
+    }
+
+    /// Runs the code that was emitted for windows, once for every item.
+    ///
+    /// # Safety
+    ///
+    /// As for [`run`](Runner::run), for the fields from where every item says that they start. The items are whole ones of
+    /// the width that the code was emitted for, and at least one.
+    #[inline(always)]
+    pub unsafe fn run_each(self, arguments: &Arguments, items: &[usize]) {
+        let Arguments { fields, constants, slots, masks_in, .. } = *arguments;
+        let items = items.as_ptr_range();
+        // SAFETY: for windows, `emit` writes a function of this signature.
+        let entry = unsafe { std::mem::transmute::<Entry, EntryEach>(self.0) };
+        // SAFETY: as in `run`; the loop ends at the end of the items, which is a whole number of them, not 0, ahead.
+        unsafe { entry(fields, constants, slots, masks_in, items.start, items.end) };
     }
 }

@@ -4,9 +4,12 @@ mod support;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use lanesim_codegen::{FieldSlice, Float, Fragment, InstructionSet, Program, Recorder, Recording, Scratch, Windows};
+use lanesim_codegen::{
+    FieldSlice, Float, Fragment, InstructionSet, Program, Recorder, Recording, Scratch, Windows, WindowsList,
+};
 use lanesim_kernels::lane::{Lane, LaneQuery};
 use support::{assert_same, instruction_sets};
+use wide::f64x8;
 
 fn ramp<L: LaneQuery>(n: usize) -> Vec<L> {
     let lane = |i: usize| {
@@ -153,4 +156,26 @@ fn lists_keep_their_own_items() {
     windows.clear();
     windows.add(std::iter::empty());
     assert!(windows.list(0).is_empty());
+}
+
+/// A part of a list has the largest starts of its own items, not of the others.
+#[test]
+fn parts_of_lists() {
+    for isa in instruction_sets() {
+        let (x, mut sum, mut halves, factors) = (ramp::<f64x8>(6), ramp(2), ramp(4), [2.0, 0.25]);
+        let windows = list(&[[9, 9, 9], [0, 1, 3], [4, 1, 1], [3, 0, 2], [9, 9, 9]]);
+        let (mut one, mut two) = ((sum.clone(), halves.clone()), (sum.clone(), halves.clone()));
+        let run = |list: WindowsList<'_, 3>, sum: &mut Vec<f64x8>, halves: &mut Vec<f64x8>| {
+            let (sum, halves) = (FieldSlice::write(sum), FieldSlice::write(halves));
+            let mut fields = [FieldSlice::read(&x), sum, halves, FieldSlice::uniform(&factors)];
+            let run = || each::<f64>(isa).run_each(&mut Scratch::new(), &mut fields, &[MASK], list);
+            catch_unwind(AssertUnwindSafe(run)).is_ok()
+        };
+        assert!(run(windows.list(0).part(1, 4), &mut one.0, &mut one.1));
+        assert!(run(list(&[[0, 1, 3], [4, 1, 1], [3, 0, 2]]).list(0), &mut two.0, &mut two.1));
+        assert_same(isa.name(), &one.0, &two.0);
+        assert_same(isa.name(), &one.1, &two.1);
+        assert!(!run(windows.list(0).part(1, 5), &mut sum, &mut halves), "a window beyond its field");
+        assert!(catch_unwind(|| windows.list(0).part(3, 6)).is_err());
+    }
 }

@@ -117,10 +117,9 @@ impl<T: Float> Common<T> {
         (number < self.bases[op + 1]).then_some(number)
     }
 
-    /// Number of the first part of an op.
-    #[inline(always)]
-    pub fn first(&self, op: Op) -> usize {
-        self.bases[op as usize]
+    /// By [`Op`], the number of its first part.
+    pub fn bases(&self) -> &[usize] {
+        &self.bases
     }
 
     /// Number of all parts.

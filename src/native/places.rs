@@ -3,7 +3,7 @@
 use lanesim_codegen::{Block, Windows, WindowsList};
 use lanesim_kernels::constraint::Classes;
 use lanesim_kernels::model::Sides;
-use lanesim_kernels::part::{COLUMNS, Item, KIND_COLUMNS, SIDES, Starts, Step};
+use lanesim_kernels::part::{COLUMNS, Item, KIND_COLUMNS, Starts, Step};
 
 /// A list of windows of contacts.
 pub type List<'a> = WindowsList<'a, COLUMNS>;
@@ -17,8 +17,8 @@ pub struct Places {
     /// Of every kind a list of all, then of every kind one of those that act in some world that still iterates.
     kinds: Windows<KIND_COLUMNS>,
     count: usize,
-    /// Numbers of the kinds that there are contacts of.
-    present: Vec<usize>,
+    /// Numbers of the kinds that there are contacts of, and what moves.
+    present: Vec<(usize, Sides)>,
     /// Worlds in which the contacts act, list by list; of the second lists once there are any.
     lanes: Vec<u32>,
     /// Where those of a list start, and their number.
@@ -68,17 +68,11 @@ impl Places {
             let len = lanes.len() - first;
             extents.push((first, len));
             if len != 0 {
-                present.push(kind);
+                present.push((kind, constraint.kinds[kind].sides));
             }
         }
         if *coupled {
-            both.add(rows.iter().zip(&*starts).map(|(row, starts)| match row.sides {
-                // These take no part in order.
-                Sides::One => [0; COLUMNS],
-                // These do with their Jacobian alone: where their links are may be beyond what others have there.
-                Sides::Two => std::array::from_fn(|column| if SIDES.contains(&column) { 0 } else { starts[column] }),
-                Sides::Apart => *starts,
-            }));
+            both.add(starts.iter().copied());
         }
     }
 
@@ -88,9 +82,9 @@ impl Places {
         self.coupled
     }
 
-    /// Numbers of the kinds that there are contacts of.
+    /// Numbers of the kinds that there are contacts of, and what moves.
     #[inline(always)]
-    pub fn present(&self) -> &[usize] {
+    pub fn present(&self) -> &[(usize, Sides)] {
         &self.present
     }
 
@@ -124,7 +118,7 @@ impl Places {
         if self.open.replace(open).is_none() {
             self.kinds.repeat();
         }
-        for kind in &self.present {
+        for (kind, _) in &self.present {
             let (first, len) = &mut self.extents[*kind];
             let lanes = &mut self.lanes[*first..*first + *len];
             let mut kept = 0;

@@ -9,7 +9,6 @@ use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
 use lanesim_kernels::part::{Family, Op, Part, Parts, Step};
 
-use super::BOUND;
 use super::library::{Coded, KIND_OPS, ModelCode};
 use super::patterns::{Found, Joined};
 use super::places::Places;
@@ -30,6 +29,8 @@ enum Factor {
 pub struct Solve<'a, L: Block> {
     root: &'a Arc<ModelCode<L::Float>>,
     code: &'a Arc<ModelCode<L::Float>>,
+    /// By op, the number of its first part.
+    bases: &'a [usize],
     places: &'a mut Places,
     rows: &'a [ContactRow],
     found: &'a mut Found,
@@ -76,7 +77,21 @@ impl<'a, L: Block> Solve<'a, L> {
         };
         let mut rows = &[][..];
         let session = code.lend(set, (scratch, step), &mut rows);
-        Some(Solve { root, code, places, rows, found, factor: whole, whole, chosen: None, cross, joining, session })
+        let bases = code.common.bases();
+        Some(Solve {
+            root,
+            code,
+            bases,
+            places,
+            rows,
+            found,
+            factor: whole,
+            whole,
+            chosen: None,
+            cross,
+            joining,
+            session,
+        })
     }
 
     /// Number of a call: that of the part, or one beyond those of all for a pattern.
@@ -86,7 +101,7 @@ impl<'a, L: Block> Solve<'a, L> {
             (Part { op: op @ (Op::Descend | Op::Polish), of: 1 }, Factor::Filled(place)) => {
                 self.code.common.count() + 2 * place + usize::from(op == Op::Polish)
             }
-            _ => self.code.common.first(part.op) + part.of as usize,
+            _ => self.bases[part.op as usize] + part.of as usize,
         }
     }
 
@@ -99,26 +114,29 @@ impl<'a, L: Block> Solve<'a, L> {
             let part = self.rows[start].part(op);
             let alike = |row: &ContactRow| has(row) && row.part(op) == part;
             end = start + self.rows[start..].iter().take_while(|row| alike(row)).count();
-            let call = self.code.common.first(op) + part.of as usize;
+            let call = self.bases[op as usize] + part.of as usize;
             while self.session.run_each(call, masks, self.places.both(start, end)).is_none() {
-                self.bind(part, call);
+                bind((self.root, self.code), &mut self.session, part, call);
             }
         }
     }
+}
 
-    /// Makes a part ready.
-    #[cold]
-    fn bind(&mut self, part: Part, call: usize) {
-        let Solve { root, code, session, .. } = self;
-        let all = code.common.count();
-        let pattern = call.checked_sub(all).map(|of_pattern| of_pattern / 2);
-        let coded: &Coded<_> = match pattern {
-            Some(place) => code.patterns.get(code, place, part),
-            None => code.get(root, part),
-        }
-        .expect(COMPILED);
-        coded.bind(session, call);
+/// Makes a part ready.
+#[cold]
+fn bind<T: Float>(
+    (root, code): (&Arc<ModelCode<T>>, &Arc<ModelCode<T>>),
+    session: &mut Session<'_, T>,
+    part: Part,
+    call: usize,
+) {
+    let pattern = call.checked_sub(code.common.count()).map(|of_pattern| of_pattern / 2);
+    let coded: &Coded<_> = match pattern {
+        Some(place) => code.patterns.get(code, place, part),
+        None => code.get(root, part),
     }
+    .expect(COMPILED);
+    coded.bind(session, call);
 }
 
 /// Parts of contacts both sides of which move.
@@ -163,7 +181,7 @@ impl<L: Block> Parts for Solve<'_, L> {
             if let Some(masks) = self.session.run(call, given, lanes) {
                 return masks;
             }
-            self.bind(part, call);
+            bind((self.root, self.code), &mut self.session, part, call);
         }
     }
 
@@ -178,17 +196,16 @@ impl<L: Block> Parts for Solve<'_, L> {
         if !whole {
             self.places.narrow(acting);
         }
+        let first = self.bases[op as usize];
         for place in 0..self.places.present().len() {
-            let kind = self.places.present()[place];
+            let (kind, sides) = self.places.present()[place];
             let windows = if whole { self.places.all(kind) } else { self.places.active(kind) };
-            if windows.is_empty() || !op.applies(self.code.common.rows.kinds[kind].sides) {
+            if windows.is_empty() || !op.applies(sides) {
                 continue;
             }
-            let call = self.code.common.first(op) + kind;
-            if self.session.run_each(call, masks, windows).is_none() {
-                self.bind(Part::of(op, kind as u32), call);
-                let windows = if whole { self.places.all(kind) } else { self.places.active(kind) };
-                self.session.run_each(call, masks, windows).expect(BOUND);
+            let call = first + kind;
+            while self.session.run_each(call, masks, windows).is_none() {
+                bind((self.root, self.code), &mut self.session, Part::of(op, kind as u32), call);
             }
         }
     }

@@ -86,7 +86,7 @@ impl<'a, T: Float, const N: usize> Call<'a, T, N> {
             // for, in `put`; `Block` types and `Aligned` are aligned to 64 bytes; scratch and constants have the lengths
             // that the code was emitted for; the fields' borrows last until the end of this function, mutable where written
             // to.
-            unsafe { fragment.machine.code.run(&arguments) };
+            unsafe { fragment.machine.code.runner().run(&arguments) };
             fragment.collect_masks(&scratch.masks_out, run * isa.vector_bytes() / T::PRECISION.bytes(), masks_out);
         }
     }
@@ -106,7 +106,7 @@ impl<'a, T: Float, const N: usize> Call<'a, T, N> {
             // SAFETY: as in `run`, for windows: kinds and mutability of all fields have been compared, and from the largest
             // start of any item on, every field with windows has the recorded number of entries; the offsets are those starts.
             // The items are as wide as the code was compiled for, and there is one.
-            unsafe { fragment.machine.code.run_each(&arguments, windows.offsets.as_flattened()) };
+            unsafe { fragment.machine.code.runner().run_each(&arguments, windows.offsets.as_flattened()) };
         }
     }
 

@@ -9,7 +9,7 @@ use super::{FieldSlice, Fragment, MOST_RUNS, Machine, Scratch};
 use crate::float::{BLOCK_BYTES, Float, Precision};
 use crate::isa::InstructionSet;
 use crate::lower::MaskOutput;
-use crate::native::{Arguments, Code};
+use crate::native::{Arguments, Runner};
 
 /// Calls of code on fields that are lent as long as the session lasts: what a call needs is compared and written down when it
 /// is bound, so that running it costs next to nothing. Fields and calls have numbers, which the caller chooses. Calls stay bound
@@ -96,33 +96,43 @@ impl Default for Kept {
 }
 
 /// A call. Only what is bound may be run, and only in a session that lends all of its fields, whose tags are those that it was
-/// bound to, with their addresses as they are then.
+/// bound to, with their addresses as they are then. What every run needs comes first, and takes one line of the cache; then what
+/// runs for windows do.
+#[repr(C, align(64))]
 struct Bound {
-    /// Number of the set that was lent when it was last looked whether all of its own are in it.
+    /// Number of the set that was lent when it was last looked whether all of its own are in it; 0: nothing is bound.
     set: u64,
     /// When those that move were last looked up; `u64::MAX` if none does.
     epoch: u64,
-    /// The code and its constants, kept alive; `None`: nothing is bound.
-    machine: Option<Arc<Machine>>,
+    /// Of `machine`: the code, and its constants as it wants their address.
+    runner: Option<Runner>,
+    constants: *const u8,
+    /// The start of `places`.
+    addresses: *const usize,
+    /// Number of its fields.
+    fields: u32,
+    /// Number of columns of windows, 0 for code without windows.
+    columns: u16,
+    /// Whether it returns more masks than fit here.
+    many: bool,
     isa: InstructionSet,
+    /// Of the first masks returned, the bits that the code leaves, and those that are known.
+    left: [u32; MASKS],
+    known: [u32; MASKS],
+    /// The largest start that all fields have room for, by column.
+    room: [usize; MOST_COLUMNS],
+    /// The code and its constants, kept alive.
+    machine: Option<Arc<Machine>>,
+    /// Addresses of its fields for every part of the block.
+    places: Vec<usize>,
     /// The fields that it has to do with.
     uses: Fields,
     /// Those of them that may be elsewhere next time.
     moving: Vec<Moving>,
-    /// Number of its fields, and their addresses for every part of the block.
-    fields: usize,
-    addresses: Vec<usize>,
-    /// Number of columns of windows, 0 for code without windows, and the largest start that all fields have room for, by
-    /// column.
-    columns: usize,
-    room: [usize; MOST_COLUMNS],
     /// Number of masks that it takes.
     given: usize,
-    /// Of the masks returned, the bits that the code leaves, and those that are known.
+    /// Of all masks returned, the bits that the code leaves, and those that are known.
     masks: Vec<[u32; 2]>,
-    /// The same of the first ones.
-    left: [u32; MASKS],
-    known: [u32; MASKS],
 }
 
 /// A field of a call that may move.
@@ -138,20 +148,24 @@ impl Bound {
     /// Nothing.
     fn nothing() -> Self {
         Bound {
-            machine: None,
-            isa: InstructionSet::Avx2,
             set: 0,
             epoch: 0,
-            uses: Fields::default(),
-            moving: vec![],
+            runner: None,
+            constants: std::ptr::null(),
+            addresses: std::ptr::null(),
             fields: 0,
-            addresses: vec![],
             columns: 0,
-            room: [0; MOST_COLUMNS],
-            given: 0,
-            masks: vec![],
+            many: false,
+            isa: InstructionSet::Avx2,
             left: [0; MASKS],
             known: [0; MASKS],
+            room: [usize::MAX; MOST_COLUMNS],
+            machine: None,
+            places: vec![],
+            uses: Fields::default(),
+            moving: vec![],
+            given: 0,
+            masks: vec![],
         }
     }
 
@@ -163,10 +177,12 @@ impl Bound {
         assert!(lent.includes(&self.uses), "a field that is not lent");
         for Moving { place, field, offsets } in &self.moving {
             let start = fields[*field].0;
-            for (address, offset) in self.addresses[*place..].iter_mut().step_by(self.fields).zip(offsets) {
+            let addresses = self.places[*place..].iter_mut().step_by(self.fields as usize);
+            for (address, offset) in addresses.zip(offsets) {
                 *address = start.wrapping_add(*offset);
             }
         }
+        self.addresses = self.places.as_ptr();
         (self.set, self.epoch) = (*set, if self.moving.is_empty() { u64::MAX } else { epoch });
         Some(())
     }
@@ -207,7 +223,7 @@ impl Kept {
         let other = fields[field].1 != tag;
         if other || !moving.has(field) {
             for call in calls.iter_mut().filter(|call| call.uses.has(field)) {
-                (call.machine, call.set) = (None, 0);
+                (call.machine, call.runner, call.set) = (None, None, 0);
             }
         }
         if !other {
@@ -283,7 +299,7 @@ impl<T: Float> Session<'_, T> {
             calls.resize_with(call + 1, Bound::nothing);
         }
         let bound = &mut calls[call];
-        *bound = Bound { room: [usize::MAX; MOST_COLUMNS], columns, ..Bound::nothing() };
+        *bound = Bound { columns: columns as u16, ..Bound::nothing() };
         for (place, (field, wanted)) in fields.clone().zip(&fragment.wanted).enumerate() {
             assert!(sets[*set].0.has(field), "field {field} is not lent");
             let fits = match bound.room.get_mut(wanted.column) {
@@ -302,11 +318,11 @@ impl<T: Float> Session<'_, T> {
         for run in 0..fragment.runs() {
             let addresses = fields.clone().zip(&fragment.wanted);
             let address = |(field, wanted): (usize, &super::Wanted)| known[field].0.wrapping_add(wanted.offsets[run]);
-            bound.addresses.extend(addresses.map(address));
+            bound.places.extend(addresses.map(address));
         }
-        bound.fields = fragment.fields.len();
-        let count = bound.addresses.len() / fragment.runs();
-        assert!(count == bound.fields && fields.count() == count, "{count} fields of {}", bound.fields);
+        let (wanted, count) = (fragment.fields.len(), bound.places.len() / fragment.runs());
+        assert!(count == wanted && fields.count() == count, "{count} fields of {wanted}");
+        bound.fields = wanted as u32;
         let all = ((1_u64 << T::PRECISION.lanes()) - 1) as u32;
         let mask = |mask: &MaskOutput| match mask {
             MaskOutput::Value(_) => [all, 0],
@@ -315,9 +331,11 @@ impl<T: Float> Session<'_, T> {
         bound.masks = fragment.masks_out.iter().map(mask).collect();
         let of_first = |which: usize| std::array::from_fn(|i| bound.masks.get(i).map_or(0, |mask| mask[which]));
         (bound.left, bound.known) = (of_first(0), of_first(1));
+        bound.many = bound.masks.len() > MASKS;
         bound.given = fragment.masks_in;
         bound.isa = fragment.statistics.isa;
         bound.machine = Some(fragment.machine.clone());
+        (bound.runner, bound.constants) = (Some(fragment.machine.code.runner()), fragment.machine.constants());
     }
 
     /// Runs a call, with the bits of a mask, for code that takes one; returns those of the masks that the code returns, up to two.
@@ -329,10 +347,10 @@ impl<T: Float> Session<'_, T> {
     /// If the call is one for windows, returns more masks, or a field of it is not lent.
     #[inline(always)]
     pub fn run(&mut self, call: usize, mask: u32, lanes: u32) -> Option<[u32; MASKS]> {
-        let Ready { call, machine, slots, .. } = self.call(call)?;
-        assert!(call.columns == 0 && call.masks.len() <= MASKS, "code for windows, or that returns more masks");
+        let Ready { call, runner, slots, .. } = self.call(call)?;
+        assert!(call.columns == 0 && !call.many, "code for windows, or that returns more masks");
         // SAFETY: as in `Fragment::run`: `bind` has compared the fields, and `call` vouches for the rest.
-        let run = |code: &Code, arguments: &Arguments| unsafe { code.run(arguments) };
+        let run = |runner: Runner, arguments: &Arguments| unsafe { runner.run(arguments) };
         let mut masks = call.known;
         for part in Part::all::<T>(call.isa) {
             if part.is_left_out(lanes) {
@@ -340,7 +358,7 @@ impl<T: Float> Session<'_, T> {
                 continue;
             }
             let (given, mut returned) = ([mask >> part.first], [0; MASKS]);
-            part.run((call, machine), slots, (given.as_ptr(), returned.as_mut_ptr()), run);
+            part.run((call, runner), slots, (given.as_ptr(), returned.as_mut_ptr()), run);
             for i in 0..MASKS {
                 masks[i] |= (written(&returned[i]) << part.first) & call.left[i];
             }
@@ -355,17 +373,17 @@ impl<T: Float> Session<'_, T> {
     /// Likewise; if there is not one place for every mask returned.
     #[inline]
     pub fn run_into(&mut self, call: usize, mask: u32, returned: &mut [u32]) -> Option<()> {
-        let Ready { call, machine, slots, masks_out } = self.call(call)?;
+        let Ready { call, runner, slots, masks_out } = self.call(call)?;
         assert!(call.columns == 0, "code for windows");
         assert_eq!(call.masks.len(), returned.len(), "number of masks returned");
         for (mask, [_, known]) in returned.iter_mut().zip(&call.masks) {
             *mask = *known;
         }
         // SAFETY: as in `run`; the scratch has had room for the masks returned since the call was bound.
-        let run = |code: &Code, arguments: &Arguments| unsafe { code.run(arguments) };
+        let run = |runner: Runner, arguments: &Arguments| unsafe { runner.run(arguments) };
         for part in Part::all::<T>(call.isa) {
             let given = [mask >> part.first];
-            part.run((call, machine), slots, (given.as_ptr(), masks_out.as_mut_ptr()), run);
+            part.run((call, runner), slots, (given.as_ptr(), masks_out.as_mut_ptr()), run);
             for ((mask, word), [left, _]) in returned.iter_mut().zip(&*masks_out).zip(&call.masks) {
                 *mask |= (written(word) << part.first) & left;
             }
@@ -387,7 +405,7 @@ impl<T: Float> Session<'_, T> {
         [mask, lanes]: [u32; 2],
         windows: WindowsList<'_, N>,
     ) -> Option<()> {
-        let Ready { call, machine, slots, .. } = self.call(call)?;
+        let Ready { call, runner, slots, .. } = self.call(call)?;
         call.check(&windows);
         if windows.is_empty() {
             return Some(());
@@ -396,8 +414,8 @@ impl<T: Float> Session<'_, T> {
             let given = [mask >> part.first];
             // SAFETY: as in `Fragment::run_each`: `bind` has compared the fields, which have room for windows from all starts
             // of the list, and `call` vouches for the rest.
-            part.run((call, machine), slots, (given.as_ptr(), std::ptr::null_mut()), |code, arguments| unsafe {
-                code.run_each(arguments, windows.offsets.as_flattened());
+            part.run((call, runner), slots, (given.as_ptr(), std::ptr::null_mut()), |runner, arguments| unsafe {
+                runner.run_each(arguments, windows.offsets.as_flattened());
             });
         }
         Some(())
@@ -415,15 +433,15 @@ impl<T: Float> Session<'_, T> {
         masks: &[u32],
         windows: WindowsList<'_, N>,
     ) -> Option<()> {
-        let Ready { call, machine, slots, .. } = self.call(call)?;
+        let Ready { call, runner, slots, .. } = self.call(call)?;
         call.check(&windows);
         assert!(masks.len() == windows.len() && call.given == 1, "number of masks");
         for part in Part::all::<T>(call.isa) {
             for (mask, item) in masks.iter().zip(windows.offsets) {
                 let given = [mask >> part.first];
                 // SAFETY: as in `run_each`, for one item of the list.
-                part.run((call, machine), slots, (given.as_ptr(), std::ptr::null_mut()), |code, arguments| unsafe {
-                    code.run_each(arguments, item);
+                part.run((call, runner), slots, (given.as_ptr(), std::ptr::null_mut()), |runner, arguments| unsafe {
+                    runner.run_each(arguments, item);
                 });
             }
         }
@@ -440,8 +458,8 @@ impl<T: Float> Session<'_, T> {
         if call.set != *set || call.epoch < *epoch {
             call.enter(&sets[*place], &fields[..], *epoch)?;
         }
-        let machine = call.machine.as_deref()?;
-        Some(Ready { machine, slots: slots.as_mut_ptr().cast(), masks_out, call })
+        let runner = call.runner?;
+        Some(Ready { runner, slots: slots.as_mut_ptr().cast(), masks_out, call })
     }
 }
 
@@ -449,7 +467,7 @@ impl Bound {
     /// What has to hold of windows.
     #[inline(always)]
     fn check<const N: usize>(&self, windows: &WindowsList<'_, N>) {
-        assert!(self.columns == N && N > 0, "code for windows of other columns");
+        assert!(usize::from(self.columns) == N && N > 0, "code for windows of other columns");
         // Without a branch for every column.
         let beyond =
             windows.largest.iter().zip(&self.room).fold(false, |beyond, (start, room)| beyond | (start > room));
@@ -467,7 +485,7 @@ fn written(mask: &u32) -> u32 {
 /// A call that may be run.
 struct Ready<'s> {
     call: &'s Bound,
-    machine: &'s Machine,
+    runner: Runner,
     slots: *mut u8,
     masks_out: &'s mut Vec<u32>,
 }
@@ -503,14 +521,14 @@ impl Part {
     #[inline(always)]
     fn run(
         &self,
-        (call, machine): (&Bound, &Machine),
+        (call, runner): (&Bound, Runner),
         slots: *mut u8,
         (masks_in, masks_out): (*const u32, *mut u32),
-        run: impl Fn(&Code, &Arguments),
+        run: impl Fn(Runner, &Arguments),
     ) {
         let slots = slots.wrapping_add(super::bias(call.isa, call.isa.vector_bytes()));
-        let fields = call.addresses[self.number * call.fields..].as_ptr().cast();
-        run(&machine.code, &Arguments { fields, constants: machine.constants(), slots, masks_in, masks_out });
+        let fields = call.addresses.wrapping_add(self.number * call.fields as usize).cast();
+        run(runner, &Arguments { fields, constants: call.constants, slots, masks_in, masks_out });
     }
 }
 

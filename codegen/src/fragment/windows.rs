@@ -29,7 +29,7 @@ struct Extent<const N: usize> {
 #[derive(Clone, Copy, Debug)]
 pub struct WindowsList<'a, const N: usize> {
     pub(super) offsets: &'a [[usize; N]],
-    pub(super) largest: &'a [usize; N],
+    pub(super) largest: [usize; N],
 }
 
 impl<const N: usize> Windows<N> {
@@ -99,7 +99,7 @@ impl<const N: usize> Windows<N> {
     #[inline]
     pub fn list(&self, number: usize) -> WindowsList<'_, N> {
         let Extent { first, end, largest } = &self.lists[number];
-        WindowsList { offsets: &self.offsets[*first..*end], largest }
+        WindowsList { offsets: &self.offsets[*first..*end], largest: *largest }
     }
 }
 
@@ -117,8 +117,14 @@ impl<const N: usize> WindowsList<'_, N> {
     /// If there are not so many.
     #[inline]
     pub fn part(&self, start: usize, end: usize) -> Self {
-        // The largest starts bound those of fewer items.
-        WindowsList { offsets: &self.offsets[start..end], largest: self.largest }
+        let offsets = &self.offsets[start..end];
+        let mut largest = [0; N];
+        for item in offsets {
+            for (largest, offset) in largest.iter_mut().zip(item) {
+                *largest = (offset / BLOCK_BYTES).max(*largest);
+            }
+        }
+        WindowsList { offsets, largest }
     }
 
     /// Whether there is no item.
@@ -172,7 +178,7 @@ impl<T: Float> Fragment<T> {
         windows: WindowsList<'_, N>,
     ) {
         if !windows.is_empty() {
-            self.call_with(scratch, fields, windows.largest).run_each(masks_in, windows);
+            self.call_with(scratch, fields, &windows.largest).run_each(masks_in, windows);
         }
     }
 }

@@ -84,9 +84,9 @@ impl Op {
         }
     }
 
-    /// Whether contacts with such sides have the part in the order of the list: what they add goes by their Jacobian.
+    /// Whether contacts with such sides have the part in the order of the list: what they have or add goes by their Jacobian.
     pub fn in_order(self, sides: Sides) -> bool {
-        self == Op::Couple || self.family() == Family::Kind && sides == Sides::Apart
+        matches!(self, Op::Couple | Op::MeasureBoth) || self.family() == Family::Kind && sides == Sides::Apart
     }
 }
 

@@ -22,9 +22,6 @@ pub const COLUMNS: usize = 13;
 /// Number of those at which parts of the iteration look for contacts with sides in one tree.
 pub const KIND_COLUMNS: usize = 6;
 
-/// Columns at which parts look for the sides of a contact.
-pub const SIDES: [usize; 6] = [3, 4, 5, 10, 11, 12];
-
 /// Where the windows of an item start, by column.
 pub type Starts = [usize; COLUMNS];
 

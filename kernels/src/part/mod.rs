@@ -10,7 +10,7 @@ mod item;
 mod step;
 
 pub use executor::{Executor, Kernels, OneByOne, Parts};
-pub use item::{COLUMNS, Item, KIND_COLUMNS, SIDES, Starts, WINDOWS, Window, stride};
+pub use item::{COLUMNS, Item, KIND_COLUMNS, Starts, WINDOWS, Window, stride};
 pub use step::{Group, Lanes, Name, Step, Threes};
 
 use crate::collision::Collision;
