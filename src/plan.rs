@@ -99,7 +99,7 @@ impl Plan {
                 count(
                     "  equality",
                     tables.equalities.len(),
-                    "equality constraints, by kernels",
+                    "constraints",
                     unless(
                         flags.equality && flags.constraint,
                         "equality constraints are switched off",

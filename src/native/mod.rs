@@ -15,8 +15,8 @@ mod tests;
 use std::sync::{Arc, OnceLock};
 
 use lanesim_codegen::{Block, Float, InstructionSet, Scratch, Windows};
-use lanesim_kernels::model::{Model as Tables, Quantities};
-use lanesim_kernels::part::{COLUMNS, Executor, Family, Item, KIND_COLUMNS, Part, Parts, Step, Threes};
+use lanesim_kernels::model::{Model as Tables, Quantities, Sides};
+use lanesim_kernels::part::{COLUMNS, Executor, Family, Item, KIND_COLUMNS, Op, Part, Parts, Step, Threes};
 
 pub(crate) use library::ModelCode;
 use patterns::Found;
@@ -137,9 +137,21 @@ impl<L: Block> Executor<L> for Native<L::Float> {
         .expect(BOUND);
     }
 
+    fn measure(&mut self, step: &mut Step<'_, L>, run: &mut dyn FnMut(&mut dyn Parts)) -> bool {
+        self.places.place(step);
+        let mut all = Threes::NONE;
+        for row in &step.ws.constraint.contact_rows {
+            let op = if row.sides == Sides::One { Op::Measure } else { Op::MeasureBoth };
+            let Some((_, set)) = self.find(row.part(op)) else { return false };
+            all = all.or(set);
+        }
+        let Native { root, code, scratch, places, filled, .. } = self;
+        run(&mut Solve::on(all, (root, code), (scratch, places, filled), step));
+        true
+    }
+
     fn solve(&mut self, step: &mut Step<'_, L>, run: &mut dyn FnMut(&mut dyn Parts)) -> bool {
         let Native { root, code, scratch, places, filled, .. } = self;
-        places.place(step);
         let Some(mut parts) = Solve::new((root, code), (scratch, places, filled), step) else { return false };
         run(&mut parts);
         true

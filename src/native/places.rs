@@ -25,9 +25,10 @@ pub struct Places {
     extents: Vec<(usize, usize)>,
     /// Worlds for which the second lists were made; `None`: they were not yet.
     open: Option<u32>,
-    /// Of all contacts one list, if both sides of some move.
-    both: Windows<COLUMNS>,
-    coupled: bool,
+    /// Of all contacts one list.
+    list: Windows<COLUMNS>,
+    /// Whether some are between trees.
+    apart: bool,
 }
 
 impl Places {
@@ -42,8 +43,8 @@ impl Places {
             lanes: Vec::with_capacity(contacts),
             extents: Vec::with_capacity(kinds.len()),
             open: None,
-            both: Windows::with_capacity(1, contacts),
-            coupled: false,
+            list: Windows::with_capacity(1, contacts),
+            apart: false,
         }
     }
 
@@ -51,13 +52,13 @@ impl Places {
     pub fn place<L: Block>(&mut self, step: &Step<'_, L>) {
         let (constraint, model) = (&step.ws.constraint, step.model.model);
         let rows = &constraint.contact_rows;
-        let Places { starts, kinds, present, lanes, extents, both, coupled, .. } = self;
+        let Places { starts, kinds, present, lanes, extents, list, apart, .. } = self;
         starts.clear();
         starts.extend(rows.iter().map(|row| Item::Row(row).starts(model, L::WIDTH)));
-        (kinds.clear(), both.clear());
+        (kinds.clear(), list.clear());
         (lanes.clear(), extents.clear(), present.clear());
         self.open = None;
-        *coupled = constraint.coupled;
+        *apart = constraint.coupled && rows.iter().any(|row| row.sides == Sides::Apart);
         for kind in 0..self.count {
             let first = lanes.len();
             let mine = rows.iter().zip(&*starts).filter(|(row, _)| row.number as usize == kind);
@@ -71,15 +72,13 @@ impl Places {
                 present.push((kind, constraint.kinds[kind].sides));
             }
         }
-        if *coupled {
-            both.add(starts.iter().copied());
-        }
+        list.add(starts.iter().copied());
     }
 
-    /// Whether both sides of some contacts move.
+    /// Whether some contacts are between trees.
     #[inline(always)]
-    pub fn coupled(&self) -> bool {
-        self.coupled
+    pub fn apart(&self) -> bool {
+        self.apart
     }
 
     /// Numbers of the kinds that there are contacts of, and what moves.
@@ -100,10 +99,10 @@ impl Places {
         self.kinds.list(self.count + kind)
     }
 
-    /// The contacts from one to another, where both sides of some move.
+    /// The contacts from one to another.
     #[inline(always)]
-    pub fn both(&self, start: usize, end: usize) -> List<'_> {
-        self.both.list(0).part(start, end)
+    pub fn some(&self, start: usize, end: usize) -> List<'_> {
+        self.list.list(0).part(start, end)
     }
 
     /// Leaves the contacts in the second lists that act in some world of `open`, which are fewer from call to call.

@@ -7,7 +7,7 @@ use lanesim_codegen::{Block, Float, Scratch, Session};
 use lanesim_kernels::constraint::ContactRow;
 use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{Family, Op, Part, Parts, Step};
+use lanesim_kernels::part::{Family, Op, Part, Parts, Step, Threes};
 
 use super::library::{Coded, KIND_OPS, ModelCode};
 use super::patterns::{Found, Joined};
@@ -69,29 +69,27 @@ impl<'a, L: Block> Solve<'a, L> {
         }
         let (cross, joining) = (constraint.cross, constraint.equality.cross);
         // Whatever of them acts later fits where all do.
-        let full = [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
-        let whole = if full {
+        let full = || [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
+        let whole = if !cross || full() {
             Factor::Full
         } else {
             pattern((root, code), found, (&constraint.contact_rows, joining), u32::MAX)?
         };
-        let mut rows = &[][..];
+        let parts = Solve::on(set, (root, code), (scratch, places, found), step);
+        Some(Solve { factor: whole, whole, cross, joining, ..parts })
+    }
+
+    /// Lends the fields of a set; nothing joins branches.
+    pub fn on(
+        set: Threes,
+        (root, code): (&'a Arc<ModelCode<L::Float>>, &'a Arc<ModelCode<L::Float>>),
+        (scratch, places, found): (&'a mut Scratch, &'a mut Places, &'a mut Found),
+        step: &'a mut Step<'_, L>,
+    ) -> Self {
+        let (mut rows, bases, full) = (&[][..], code.common.bases(), Factor::Full);
         let session = code.lend(set, (scratch, step), &mut rows);
-        let bases = code.common.bases();
-        Some(Solve {
-            root,
-            code,
-            bases,
-            places,
-            rows,
-            found,
-            factor: whole,
-            whole,
-            chosen: None,
-            cross,
-            joining,
-            session,
-        })
+        let (chosen, cross, joining) = (None, false, 0);
+        Solve { root, code, bases, places, rows, found, factor: full, whole: full, chosen, cross, joining, session }
     }
 
     /// Number of a call: that of the part, or one beyond those of all for a pattern.
@@ -107,7 +105,8 @@ impl<'a, L: Block> Solve<'a, L> {
 
     /// Runs a part in the order of the list: for all that follow each other and are of one class at once.
     fn in_order(&mut self, op: Op, acting: u32, masks: [u32; 2]) {
-        let has = |row: &ContactRow| op.in_order(row.sides) && op.applies(row.sides) && row.lanes & acting != 0;
+        let by_kind = |sides: Sides| op.family() == Family::Kind && sides != Sides::Apart;
+        let has = |row: &ContactRow| !by_kind(row.sides) && op.applies(row.sides) && row.lanes & acting != 0;
         let mut end = 0;
         while let Some(skipped) = self.rows[end..].iter().position(has) {
             let start = end + skipped;
@@ -115,7 +114,7 @@ impl<'a, L: Block> Solve<'a, L> {
             let alike = |row: &ContactRow| has(row) && row.part(op) == part;
             end = start + self.rows[start..].iter().take_while(|row| alike(row)).count();
             let call = self.bases[op as usize] + part.of as usize;
-            while self.session.run_each(call, masks, self.places.both(start, end)).is_none() {
+            while self.session.run_each(call, masks, self.places.some(start, end)).is_none() {
                 bind((self.root, self.code), &mut self.session, part, call);
             }
         }
@@ -186,11 +185,11 @@ impl<L: Block> Parts for Solve<'_, L> {
     }
 
     fn each(&mut self, op: Op, acting: u32, masks: [u32; 2]) {
-        if self.places.coupled() {
-            self.in_order(op, acting, masks);
-        }
         if op.family() != Family::Kind {
-            return;
+            return self.in_order(op, acting, masks);
+        }
+        if self.places.apart() {
+            self.in_order(op, acting, masks);
         }
         let whole = acting == u32::MAX;
         if !whole {

@@ -12,7 +12,7 @@ pub fn rows<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn
     executor.run(Part::new(Op::Joints), alive, &mut act, step);
     step.ws.constraint.joint_lanes = act[0];
     list(&step.model, &step.ws.collision, &mut step.ws.constraint);
-    if !step.ws.constraint.contact_rows.is_empty() {
+    if !executor.measure(step, &mut measure) {
         OneByOne::run(executor, step, &mut measure);
     }
 }

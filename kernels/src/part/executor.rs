@@ -30,7 +30,12 @@ pub trait Executor<L: LaneQuery> {
         }
     }
 
-    /// Calls back with the parts of a solve made ready once, if that makes them faster.
+    /// Calls back with the parts that find the numbers of the listed contacts made ready once, if that makes them faster.
+    fn measure(&mut self, _: &mut Step<'_, L>, _run: &mut dyn FnMut(&mut dyn Parts)) -> bool {
+        false
+    }
+
+    /// The same with the parts of a solve, of the contacts that were last measured.
     fn solve(&mut self, _: &mut Step<'_, L>, _run: &mut dyn FnMut(&mut dyn Parts)) -> bool {
         false
     }
