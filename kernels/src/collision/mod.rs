@@ -17,7 +17,7 @@ mod sphere;
 mod way;
 
 pub use bound::{near_pairs, nearest_first};
-pub use convex::ConvexCollider;
+pub use convex::{ConvexCollider, Outline};
 pub use frame::contact_frame;
 pub use pair::{Body, Found, Frames, capsules, in_lanes, points};
 pub use single::{Point, Points};
@@ -252,6 +252,15 @@ fn shapes<T>(model: &Model<T>, pair: u32) -> (Shape, Shape) {
     (model.geoms[pair.geom1 as usize].shape, model.geoms[pair.geom2 as usize].shape)
 }
 
+/// The outlines of a pair.
+fn outlines<T>(model: &Model<T>, pair: u32) -> [Outline<'_>; 2] {
+    let pair = &model.pairs[pair as usize];
+    [pair.geom1, pair.geom2].map(|geom| {
+        let geom = &model.geoms[geom as usize];
+        Outline { shape: geom.shape, hull: model.hulls.get(geom.hull as usize) }
+    })
+}
+
 /// Contacts of a pair with a formula in lanes.
 fn formula<L: LaneQuery>(model: &Model<L::Real>, near: &Near, [a, b]: &[Body<L>; 2], found: &mut [Found<L>]) {
     let (include, worlds) = (L::splat(model.pairs[near.pair as usize].include), L::mask_of(near.worlds));
@@ -283,8 +292,10 @@ fn world_by_world<L: LaneQuery>(
         (Shape::Box, Shape::Box) => {
             single::each(a, b, worlds, |a, b, points| boxes::boxes(a, b, include, points), emit)
         }
-        shapes => {
-            let collide = |a: &_, b: &_, points: &mut _| single::convex(convex, shapes, (a, b), include, most, points);
+        _ => {
+            let outlines = outlines(model, near.pair);
+            let collide =
+                |a: &_, b: &_, points: &mut _| single::convex(convex, outlines, (a, b), include, most, points);
             single::each(a, b, worlds, collide, emit);
         }
     }
