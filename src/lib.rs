@@ -57,6 +57,7 @@ pub mod eval;
 mod group;
 pub mod inverse;
 pub mod memory;
+mod mesh;
 pub mod mjcf;
 pub mod model;
 mod native;

@@ -6,12 +6,14 @@
 //! place that rejects one.
 
 mod equality;
+mod mesh;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use equality::{Equality, Held};
 pub use lanesim_kernels::options::Options;
+pub use mesh::{Mesh, MeshInertia, Triangles};
 
 /// Where an element was written, for diagnostics. Elements built from code have the default: no file, line 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -65,6 +67,8 @@ pub struct Spec {
     pub option: Options,
     /// Bodies; index 0 is the world, and a body comes after its parent.
     pub bodies: Vec<Body>,
+    /// Meshes.
+    pub meshes: Vec<Mesh>,
     /// Explicit contact pairs.
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms do not collide.
@@ -136,6 +140,8 @@ pub struct Compiler {
     pub discardvisual: bool,
     /// Align the frames of free bodies with their inertia.
     pub alignfree: bool,
+    /// Whether shapes fitted to meshes fit the box along their axes, not that of their inertia.
+    pub fitaabb: bool,
     /// Which bodies take inertia from geoms.
     pub inertiafromgeom: InertiaFromGeom,
     /// Groups of geoms that count for inertia, inclusive.
@@ -153,6 +159,7 @@ impl Default for Compiler {
             fusestatic: false,
             discardvisual: false,
             alignfree: false,
+            fitaabb: false,
             inertiafromgeom: InertiaFromGeom::Auto,
             inertiagrouprange: [0, 5],
         }
@@ -351,6 +358,8 @@ pub enum Shape {
     Cylinder,
     /// Box: three half sizes.
     Box,
+    /// A mesh, of which the convex hull collides; its sizes follow from it.
+    Mesh,
 }
 
 /// How a geom's mass is given.
@@ -360,6 +369,13 @@ pub enum GeomMass {
     Mass(f64),
     /// Density; times volume, or area for shells.
     Density(f64),
+    /// Mass, and principal moments along the geom's axes.
+    Solid {
+        /// Mass.
+        mass: f64,
+        /// Principal moments.
+        moments: [f64; 3],
+    },
 }
 
 /// A geometric shape fixed to a body (MJCF `geom`).
@@ -369,8 +385,12 @@ pub struct Geom {
     pub name: String,
     /// Shape.
     pub shape: Shape,
-    /// Sizes, as [`Shape`] says; the rest 0.
+    /// Sizes, as [`Shape`] says; the rest 0. Not used with a mesh.
     pub size: [f64; 3],
+    /// Name of the mesh that is its shape, or to which its shape is fitted; or empty.
+    pub mesh: String,
+    /// How much larger than the mesh a fitted shape is.
+    pub fitscale: f64,
     /// Position in the body frame.
     pub pos: [f64; 3],
     /// Orientation in the body frame.
@@ -411,6 +431,8 @@ impl Default for Geom {
             name: String::new(),
             shape: Shape::Sphere,
             size: [0.0; 3],
+            mesh: String::new(),
+            fitscale: 1.0,
             pos: [0.0; 3],
             quat: [1.0, 0.0, 0.0, 0.0],
             mass: GeomMass::Density(1000.0),

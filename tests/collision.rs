@@ -3,6 +3,8 @@
 
 #[path = "collision/aligned.rs"]
 mod aligned;
+#[path = "collision/mesh.rs"]
+mod mesh;
 #[path = "collision/still.rs"]
 mod still;
 

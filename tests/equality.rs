@@ -100,7 +100,7 @@ fn a_reset_restores_what_the_model_says() {
 /// Loops in which rows say what others say already: every solver converges, at every step, and holds them together.
 #[test]
 fn redundant_loops_converge() {
-    for (name, reach) in [("zoo/four_bar", 3e-3), ("zoo/closed_chain", 3e-3)] {
+    for (name, reach) in [("zoo/four_bar", 3e-3), ("zoo/closed_chain", 3e-3), ("zoo/stewart", 3e-3)] {
         for (solver, iterations) in [("Newton", "20"), ("CG", "300"), ("PGS", "500")] {
             let overrides = [("solver", solver), ("iterations", iterations), ("tolerance", "1e-8")];
             let model = load_with(name, &overrides);

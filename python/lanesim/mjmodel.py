@@ -32,6 +32,9 @@ BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
 TRANSMISSIONS = ("joint", "jointinparent", "slidercrank", "tendon", "site", "body")
 TOLERANCE = 1e-9
+# Vertices of meshes are in single precision, and so is what follows from them.
+SINGLE = 1e-6
+PLACES = ("geom_pos", "geom_quat", "geom_size", "geom_rbound")
 """Largest difference between arrays that rounding may make, relative to the largest entry."""
 STALE = 1e-6
 """The same for constants that MuJoCo derives a second time."""
@@ -189,7 +192,7 @@ class _Writer:
             name=self.name("geom", g),
             type=GEOMS[kind],
             size=_sizes(m.geom_size[g], SIZES[kind]),
-            mesh=m.mesh(m.geom_dataid[g]).name if kind == 7 else None,
+            mesh=self._mesh_name(m.geom_dataid[g]) if kind == 7 else None,
             **_copied(m, "geom", g, GEOM),
             fluidshape="ellipsoid" if fluid else None,
             surfacevel=moving if moving.any() else None,
@@ -311,7 +314,20 @@ class _Writer:
         if (m.geom_type == GEOMS.index("mesh")).any():
             assets = root.add("asset")
             for i in range(m.nmesh):
-                assets.add("mesh", name=m.mesh(i).name, file=f"{m.mesh(i).name}.obj")
+                vertices, faces = self._mesh(i)
+                inertia, faces = _centred(vertices, faces)
+                written = {"vertex": vertices.ravel(), "face": faces.ravel()}
+                assets.add("mesh", name=self._mesh_name(i), inertia=inertia, **written)
+
+    def _mesh_name(self, mesh: int) -> str:
+        return str(self.m.mesh(mesh).name or f"mesh {mesh}")
+
+    def _mesh(self, mesh: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Vertices of a mesh about its centre, and its faces."""
+        m = self.m
+        start, count = m.mesh_vertadr[mesh], m.mesh_vertnum[mesh]
+        first, faces = m.mesh_faceadr[mesh], m.mesh_facenum[mesh]
+        return np.array(m.mesh_vert[start : start + count], float), np.array(m.mesh_face[first : first + faces])
 
     def _held(self, kind: str, e: int) -> dict[str, Any]:
         """What an equality constraint holds, as attributes."""
@@ -365,6 +381,23 @@ def _series(linear: float, rest: NDArray[np.float64]) -> list[float]:
     return [float(linear), *rest[:last].tolist()]
 
 
+def _centred(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> tuple[str, NDArray[np.int32]]:
+    """The way of having mass by which the centre of a mesh is the origin, and its faces, turned outward if that way asks for it."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    middle = area @ (a + b + c) / (3 * area.sum())
+    volume = np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle))
+    if volume.sum() < 0:
+        volume, faces = -volume, faces[:, ::-1]
+    offset = {"shell": np.linalg.norm(middle)}
+    for way, weight in (("legacy", abs(volume)), ("exact", volume)):
+        total = weight.sum()
+        inner = weight @ (a + b + c - 3 * middle) / (4 * total) if total > 0 else np.inf
+        offset[way] = np.linalg.norm(middle + inner)
+    best = min(offset, key=lambda way: offset[way])
+    return (best if offset[best] < 1e-5 * np.abs(vertices).max() else "convex"), faces
+
+
 def differences(m: Any, model: Any) -> Iterator[str]:
     """Arrays of a lanesim model that are not those of the MjModel it was made from."""
     for name, size in model.sizes().items():
@@ -384,7 +417,8 @@ def differences(m: Any, model: Any) -> Iterator[str]:
             continue
         theirs = theirs.reshape(ours.shape)
         scale = np.abs(theirs).max(initial=0.0)
-        wrong = np.abs(ours - theirs) > TOLERANCE * max(float(scale), 1e-6)
+        tolerance = SINGLE if name in PLACES and m.nmesh else TOLERANCE
+        wrong = np.abs(ours - theirs) > tolerance * max(float(scale), 1e-6)
         if wrong.any():
             place = [int(i) for i in np.argwhere(wrong)[0]] if ours.ndim else []
             here, there = float(ours[tuple(place)]), float(theirs[tuple(place)])

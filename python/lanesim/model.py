@@ -261,7 +261,7 @@ class Model:
         lenient: bool = False,
         options: Mapping[str, Any] | None = None,
     ) -> "Model":
-        """Parses MJCF text; `assets` are the files that it includes, by name. Otherwise like `from_xml_path`."""
+        """Parses MJCF text; `assets` are the files that it reads, by name: included ones and those of meshes. Otherwise like `from_xml_path`."""
         if assets is not None and not isinstance(assets, Mapping):
             raise TypeError(f"assets is a {type(assets).__name__}; expected a dict from file names to contents")
         if not isinstance(xml, str):
@@ -274,12 +274,7 @@ class Model:
     ) -> Any:
         files = {}
         for name, content in (assets or {}).items():
-            if isinstance(content, bytes):
-                try:
-                    content = content.decode("utf-8")
-                except UnicodeDecodeError:
-                    continue  # Meshes and textures; what needs one says so.
-            files[str(name)] = content
+            files[str(name)] = content.encode() if isinstance(content, str) else bytes(content)
         return _lanesim.Model.parse(xml, files, bool(lenient), _overrides(options))
 
     @classmethod

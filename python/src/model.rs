@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use lanesim::Diagnostics;
-use lanesim::mjcf::{self, Document, Include, LoadOptions};
+use lanesim::mjcf::{self, Asset, Document, Include, LoadOptions};
 use lanesim::model::{ArrayData, Names};
 use lanesim::outputs::Output;
 use lanesim::spec::Spec;
@@ -40,6 +40,9 @@ struct Source {
 
 /// An included file: (including path, name, path, text).
 type File = (Option<String>, String, String, String);
+
+/// The file of a mesh: (name, path, bytes).
+type AssetFile = (String, String, Vec<u8>);
 
 impl Model {
     fn compile(py: Python<'_>, source: Arc<Source>, spec: Spec, overrides: Overrides) -> PyResult<Model> {
@@ -107,7 +110,7 @@ impl Model {
     fn parse(
         py: Python<'_>,
         text: String,
-        files: BTreeMap<String, String>,
+        files: BTreeMap<String, Vec<u8>>,
         lenient: bool,
         overrides: Overrides,
     ) -> PyResult<Model> {
@@ -121,20 +124,24 @@ impl Model {
         file: Option<String>,
         text: String,
         includes: Vec<File>,
+        assets: Vec<AssetFile>,
         lenient: bool,
         overrides: Overrides,
     ) -> PyResult<Model> {
         let includes = includes.into_iter().map(|(by, name, path, text)| Include { by, name, path, text }).collect();
-        let document = Document { file, text, includes };
+        let assets = assets.into_iter().map(|(name, path, bytes)| Asset { name, path, bytes: bytes.into() }).collect();
+        let document = Document { file, text, includes, assets };
         Model::read(py, lenient, overrides, move |options| document.spec(options).map(|spec| (document, spec)))
     }
 
     /// All that the model was made from.
-    fn document(&self) -> (Option<String>, String, Vec<File>, bool, Overrides) {
+    fn document(&self) -> (Option<String>, String, Vec<File>, Vec<AssetFile>, bool, Overrides) {
         let Source { document, lenient } = &*self.source;
         let file = |i: &Include| (i.by.clone(), i.name.clone(), i.path.clone(), i.text.clone());
         let includes = document.includes.iter().map(file).collect();
-        (document.file.clone(), document.text.clone(), includes, *lenient, self.overrides.clone())
+        let asset = |a: &Asset| (a.name.clone(), a.path.clone(), a.bytes.to_vec());
+        let assets = document.assets.iter().map(asset).collect();
+        (document.file.clone(), document.text.clone(), includes, assets, *lenient, self.overrides.clone())
     }
 
     /// The same model with other options.

@@ -85,10 +85,10 @@ def test_bad_options(pendulum, options, text) -> None:
 def test_pickles(tmp_path) -> None:
     (tmp_path / "arm.xml").write_text("<mujoco><include file='sub/geom.xml'/></mujoco>")
     (tmp_path / "sub").mkdir()
-    (tmp_path / "sub" / "geom.xml").write_text("<mujoco><geom size='.1'/><geom type='mesh' mesh='m'/></mujoco>")
+    (tmp_path / "sub" / "geom.xml").write_text("<mujoco><geom size='.1'/><geom type='hfield'/></mujoco>")
     main = "<mujoco><worldbody><body><joint/><include file='arm.xml'/></body></worldbody></mujoco>"
     (tmp_path / "main.xml").write_text(main)
-    with pytest.warns(lanesim.LossWarning, match="meshes are not supported"):
+    with pytest.warns(lanesim.LossWarning, match="height fields are not supported"):
         model = lanesim.Model.from_xml_path(tmp_path / "main.xml", lenient=True, options={"timestep": 0.001})
     model.opt.set(density=0.0, contact=False)
     data = pickle.dumps(model)
@@ -124,6 +124,21 @@ def test_assets() -> None:
         lanesim.Model.from_xml_string(main, ["arm.xml"])
     with pytest.raises(lanesim.ModelError, match="no such file among those given"):
         lanesim.Model.from_xml_string(main)
+
+
+def test_meshes_are_assets() -> None:
+    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    faces = ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
+    obj = "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {face}\n" for face in faces)
+    xml = """<mujoco><compiler meshdir='shapes'/><asset><mesh file='cube.obj' scale='.1 .1 .1'/></asset>
+      <worldbody><body><freejoint/><geom type='mesh' mesh='cube'/></body></worldbody></mujoco>"""
+    model = lanesim.Model.from_xml_string(xml, {"shapes/cube.obj": obj.encode(), "picture.png": b"\x89PNG\xff"})
+    np.testing.assert_allclose(model.body_mass[1], 8, rtol=1e-6)
+    np.testing.assert_allclose(model.geom_size[0], 0.1, rtol=1e-6)
+    again = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(again.body_inertia, model.body_inertia)
+    with pytest.raises(lanesim.ModelError, match='mesh: file "shapes/cube.obj": no such file among those given'):
+        lanesim.Model.from_xml_string(xml)
 
 
 def test_specs() -> None:

@@ -43,7 +43,7 @@ def same(exact: mujoco.MjModel, model: lanesim.Model) -> None:
         )
 
 
-STEPPED = ["ant", "cartpole", "closed_chain", "four_bar", "cheetah", "hand32", "hopper", "humanoid18", "humanoid27", "quadruped", "walker"]
+STEPPED = ["ant", "cartpole", "closed_chain", "four_bar", "cheetah", "hand32", "hopper", "humanoid18", "humanoid27", "quadruped", "stewart", "walker"]
 
 
 @pytest.mark.parametrize("name", STEPPED)

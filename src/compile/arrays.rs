@@ -89,8 +89,8 @@ fn bodies(s: &Sources, out: &mut Arrays) {
     out.ints("body_geomadr", 0, bodies.iter().map(|b| address(&b.geoms)));
     out.reals("body_pos", 3, bodies.iter().flat_map(|b| b.pose.pos.to_array()));
     out.reals("body_quat", 4, bodies.iter().flat_map(|b| b.pose.wxyz()));
-    out.reals("body_ipos", 3, bodies.iter().flat_map(|b| b.mass.frame.pos.to_array()));
-    out.reals("body_iquat", 4, bodies.iter().flat_map(|b| b.mass.frame.wxyz()));
+    out.reals("body_ipos", 3, bodies.iter().flat_map(|b| b.inertial.pos.to_array()));
+    out.reals("body_iquat", 4, bodies.iter().flat_map(|b| b.inertial.wxyz()));
     out.reals("body_mass", 0, bodies.iter().map(|b| b.mass.mass));
     out.reals("body_inertia", 3, bodies.iter().flat_map(|b| b.mass.inertia.to_array()));
     out.reals("body_gravcomp", 0, bodies.iter().map(|b| b.spec.gravcomp));
@@ -178,6 +178,7 @@ fn shape(shape: Shape) -> i32 {
         Shape::Ellipsoid => 4,
         Shape::Cylinder => 5,
         Shape::Box => 6,
+        Shape::Mesh => 7,
     }
 }
 
@@ -191,8 +192,8 @@ fn geoms(s: &Sources, out: &mut Arrays) {
     out.ints("geom_group", 0, geoms.iter().map(|g| g.spec.group));
     out.ints("geom_priority", 0, geoms.iter().map(|g| g.spec.priority));
     out.reals("geom_size", 3, geoms.iter().flat_map(|g| g.spec.size));
-    out.reals("geom_pos", 3, geoms.iter().flat_map(|g| g.pose.pos.to_array()));
-    out.reals("geom_quat", 4, geoms.iter().flat_map(|g| g.pose.wxyz()));
+    out.reals("geom_pos", 3, geoms.iter().flat_map(|g| g.written.pos.to_array()));
+    out.reals("geom_quat", 4, geoms.iter().flat_map(|g| g.written.wxyz()));
     out.reals("geom_rbound", 0, geoms.iter().map(|g| pairs::bounding_radius(g.spec)));
     out.reals("geom_friction", 3, geoms.iter().flat_map(|g| g.spec.friction));
     out.reals("geom_solmix", 0, geoms.iter().map(|g| g.spec.solmix));
@@ -208,8 +209,8 @@ fn sites(s: &Sources, out: &mut Arrays) {
     out.ints("site_bodyid", 0, sites.iter().map(|x| x.body as i32));
     out.ints("site_group", 0, sites.iter().map(|x| x.spec.group));
     out.reals("site_size", 3, sites.iter().flat_map(|x| x.spec.size));
-    out.reals("site_pos", 3, sites.iter().flat_map(|x| x.pose.pos.to_array()));
-    out.reals("site_quat", 4, sites.iter().flat_map(|x| x.pose.wxyz()));
+    out.reals("site_pos", 3, sites.iter().flat_map(|x| x.written.pos.to_array()));
+    out.reals("site_quat", 4, sites.iter().flat_map(|x| x.written.wxyz()));
 }
 
 fn contacts(s: &Sources, out: &mut Arrays) {

@@ -329,7 +329,7 @@ fn check_joint(joint: &Joint, index: usize, autolimits: bool, diagnostics: &mut 
 /// How many sizes a shape has; a plane's only matter for display.
 pub(crate) fn used_sizes(shape: Shape) -> usize {
     match shape {
-        Shape::Plane => 0,
+        Shape::Plane | Shape::Mesh => 0,
         Shape::Sphere => 1,
         Shape::Capsule | Shape::Cylinder => 2,
         Shape::Ellipsoid | Shape::Box => 3,
@@ -352,6 +352,7 @@ fn check_geom(geom: &Geom, index: usize, moving: bool, diagnostics: &mut Diagnos
     match geom.mass {
         GeomMass::Mass(mass) => element.not_negative("mass", &[mass]),
         GeomMass::Density(density) => element.not_negative("density", &[density]),
+        GeomMass::Solid { mass, moments } => element.not_negative("mass", &[mass, moments[0], moments[1], moments[2]]),
     }
     if geom.shape == Shape::Plane && moving {
         element.refuse("a plane cannot move", "attach it to the world, or use a thin box");

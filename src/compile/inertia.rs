@@ -7,6 +7,8 @@ use glam::{DMat3, DQuat, DVec3};
 use super::pose::{Pose, rotation, unit_quat};
 use crate::spec::{self, GeomMass, Inertia, InertiaFromGeom, Shape};
 
+/// Tolerance of principal axes that are as good as rounding lets them be.
+const EXACT: f64 = 1e-17;
 /// Geoms of less mass do not count.
 const NEGLIGIBLE: f64 = 1e-14;
 
@@ -55,7 +57,7 @@ pub(crate) fn combine(parts: &[Mass]) -> Mass {
         return *one;
     }
     let (mass, com, tensor) = total(parts);
-    let (inertia, quat) = principal(tensor);
+    let (inertia, quat) = principal(tensor, EXACT);
     Mass { mass, frame: Pose { pos: com, quat }, inertia }
 }
 
@@ -80,8 +82,9 @@ pub(crate) fn parallel_axis(mass: f64, d: DVec3) -> DMat3 {
     (DMat3::from_diagonal(DVec3::splat(d.length_squared())) - outer) * mass
 }
 
-/// Principal moments of a symmetric matrix, descending, and the orientation of their axes (Jacobi's method).
-pub(crate) fn principal(tensor: DMat3) -> (DVec3, DQuat) {
+/// Principal moments of a symmetric matrix, descending, and the orientation of their axes (Jacobi's method). Entries beside the
+/// diagonal, and differences of moments, up to `tolerance` times the largest entry count as zero.
+pub(crate) fn principal(tensor: DMat3, tolerance: f64) -> (DVec3, DQuat) {
     let mut a = tensor;
     let mut axes = DMat3::IDENTITY;
     // Convergence is quadratic: a handful of sweeps reach rounding.
@@ -89,7 +92,7 @@ pub(crate) fn principal(tensor: DMat3) -> (DVec3, DQuat) {
         let off = [(a.col(1)[0], 0, 1), (a.col(2)[0], 0, 2), (a.col(2)[1], 1, 2)];
         let &(x, p, q) = off.iter().max_by(|l, r| l.0.abs().total_cmp(&r.0.abs())).expect("three entries");
         let scale = a.col(0)[0].abs().max(a.col(1)[1].abs()).max(a.col(2)[2].abs());
-        if !x.is_finite() || x.abs() <= 1e-17 * scale || x == 0.0 {
+        if !x.is_finite() || x.abs() <= tolerance * scale || x == 0.0 {
             break;
         }
         let theta = (a.col(q)[q] - a.col(p)[p]) / (2.0 * x);
@@ -104,9 +107,10 @@ pub(crate) fn principal(tensor: DMat3) -> (DVec3, DQuat) {
         axes *= rotate;
     }
     let mut moments = [a.col(0)[0], a.col(1)[1], a.col(2)[2]];
+    let equal = if tolerance > EXACT { tolerance * moments.iter().copied().fold(0.0, f64::max) } else { 0.0 };
     // Sorted by quarter turns about the axis that stays: of the frames that have these axes MuJoCo takes this one.
     for (i, j, axis) in [(0, 1, DVec3::Z), (1, 2, DVec3::X), (0, 1, DVec3::Z)] {
-        if moments[j] > moments[i] {
+        if moments[j] > moments[i] + equal {
             moments.swap(i, j);
             axes *= rotation(DQuat::from_axis_angle(axis, 0.5 * PI));
         }
@@ -121,7 +125,8 @@ pub(crate) fn measure(shape: Shape, size: [f64; 3], shell: bool) -> f64 {
     let h = 2.0 * l;
     let [a, b, c] = size;
     match (shape, shell) {
-        (Shape::Plane, _) => 0.0,
+        // What a mesh weighs was found with its frame.
+        (Shape::Plane | Shape::Mesh, _) => 0.0,
         (Shape::Sphere, false) => 4.0 / 3.0 * PI * r.powi(3),
         (Shape::Sphere, true) => 4.0 * PI * r * r,
         (Shape::Capsule, false) => PI * r * r * (4.0 / 3.0 * r + h),
@@ -147,7 +152,7 @@ pub(crate) fn moments(shape: Shape, size: [f64; 3], shell: bool, m: f64) -> DVec
     let [a, b, c] = size;
     let round = |x: f64, z: f64| DVec3::new(x, x, z);
     match (shape, shell) {
-        (Shape::Plane, _) => DVec3::ZERO,
+        (Shape::Plane | Shape::Mesh, _) => DVec3::ZERO,
         (Shape::Sphere, false) => DVec3::splat(0.4 * m * r * r),
         (Shape::Sphere, true) => DVec3::splat(2.0 / 3.0 * m * r * r),
         (Shape::Capsule, false) => {
@@ -210,6 +215,7 @@ fn solid_ellipsoid([a, b, c]: [f64; 3]) -> DVec3 {
 fn of_geom(geom: &spec::Geom, pose: Pose) -> Mass {
     let mass = match geom.mass {
         _ if geom.shape == Shape::Plane => 0.0,
+        GeomMass::Solid { mass, moments } => return Mass { mass, frame: pose, inertia: DVec3::from(moments) },
         GeomMass::Mass(mass) => mass,
         GeomMass::Density(density) => density * measure(geom.shape, geom.size, geom.shellinertia),
     };
@@ -253,7 +259,7 @@ fn of_inertial(inertial: &spec::Inertial) -> Result<Mass, &'static str> {
         }),
         Inertia::Full([xx, yy, zz, xy, xz, yz]) => {
             let tensor = DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz));
-            let (moments, quat) = principal(tensor);
+            let (moments, quat) = principal(tensor, EXACT);
             if moments.z <= 0.0 {
                 return Err("the full inertia is not positive definite");
             }
@@ -306,7 +312,7 @@ mod tests {
     fn principal_axes_rebuild_the_tensor() {
         let tensor =
             DMat3::from_cols(DVec3::new(3.0, 0.1, -0.7), DVec3::new(0.1, 4.0, 0.3), DVec3::new(-0.7, 0.3, 3.5));
-        let (inertia, quat) = principal(tensor);
+        let (inertia, quat) = principal(tensor, EXACT);
         assert!(inertia.x >= inertia.y && inertia.y >= inertia.z);
         let mass = Mass { mass: 1.0, frame: Pose { pos: DVec3::ZERO, quat }, inertia };
         assert!((mass.tensor() - tensor).to_cols_array().iter().all(|x| x.abs() < 1e-14));
@@ -315,7 +321,7 @@ mod tests {
     /// Of the frames along the principal axes, MuJoCo 4.0.0's.
     #[test]
     fn principal_axes_are_sorted_by_quarter_turns() {
-        let (inertia, quat) = principal(DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0)));
+        let (inertia, quat) = principal(DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0)), EXACT);
         assert_eq!(inertia, DVec3::new(3.0, 2.0, 1.0));
         let half = 0.5f64.sqrt();
         assert!((quat - DQuat::from_xyzw(half, 0.0, half, 0.0)).length() < 1e-15, "{quat}");

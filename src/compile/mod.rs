@@ -16,6 +16,7 @@ mod inertia;
 mod joints;
 mod keys;
 mod links;
+mod meshes;
 mod names;
 mod order;
 mod pairs;
@@ -58,6 +59,8 @@ pub(crate) use pairs::MINMU;
 /// ```
 pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let mut diagnostics = Diagnostics::default();
+    let (placed, meshes) = meshes::place(spec, &mut diagnostics);
+    let spec = &*placed;
     let mut notes = spec.notes.clone();
     if !check::check(spec, &mut diagnostics) {
         return Err(diagnostics.first());
@@ -85,7 +88,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     }
     let actuators = actuators::actuators(spec, &scene, &targets, &joints, &derived);
     let weights = &derived.body_invweight0;
-    let pairs = pairs::pairs(spec, &scene, &links, &dofs, weights, &names.geoms, &mut diagnostics);
+    let pairs = pairs::pairs(spec, &scene, &links, &dofs, weights, (&names.geoms, &meshes), &mut diagnostics);
     let equalities = equality::Equalities::new(spec, &scene, &links, &dofs, &derived, &names).unwrap_or_else(|n| {
         let message = format!("the Jacobians of equality constraints have {n} entries and more");
         diagnostics.push(&Source::default(), "", message, "split the model, or hold bodies nearer to the world");
@@ -114,6 +117,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         levers: Vec::new(),
         blur: Default::default(),
         geoms: pairs.geoms,
+        hulls: pairs.hulls.into(),
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
         limits: constraints::limits(&spec.option, &scene, &derived.dof_invweight0),

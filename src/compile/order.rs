@@ -19,7 +19,10 @@ pub(crate) struct Body<'a> {
     pub parent: usize,
     /// Pose in the parent.
     pub pose: Pose,
+    /// In a frame that is the body's where it is nearly that, as MuJoCo has it.
     pub mass: Mass,
+    /// The frame of its mass as it is.
+    pub inertial: Pose,
     pub mocap: Option<usize>,
     pub joints: Range<usize>,
     pub geoms: Range<usize>,
@@ -37,8 +40,10 @@ pub(crate) struct Joint<'a> {
 pub(crate) struct Placed<'a, T> {
     pub spec: &'a T,
     pub body: usize,
-    /// Pose in the body.
+    /// Pose in the body: that of the body or of its inertia where it is nearly that, as MuJoCo has it.
     pub pose: Pose,
+    /// The same as it is.
+    pub written: Pose,
 }
 
 /// All elements, numbered.
@@ -302,15 +307,21 @@ fn number(drafts: Vec<Draft>) -> Scene {
             scene.nq += qpos_count(j.kind);
             scene.nv += dof_count(j.kind);
         }
-        scene.geoms.extend(draft.geoms.into_iter().map(|(spec, pose)| Placed { spec, body, pose }));
-        scene.sites.extend(draft.sites.into_iter().map(|(spec, pose)| Placed { spec, body, pose }));
+        let inertial = draft.mass.frame;
+        let mass = Mass { frame: inertial.settled(&inertial), ..draft.mass };
+        let settled = |pose: Pose| pose.settled(&mass.frame);
+        let place = |(spec, written)| Placed { spec, body, pose: settled(written), written };
+        scene.geoms.extend(draft.geoms.into_iter().map(place));
+        let place = |(spec, written)| Placed { spec, body, pose: settled(written), written };
+        scene.sites.extend(draft.sites.into_iter().map(place));
         let mocap = draft.spec.mocap.then_some(scene.nmocap);
         scene.nmocap += usize::from(draft.spec.mocap);
         scene.bodies.push(Body {
             spec: draft.spec,
             parent: draft.parent,
             pose: draft.pose,
-            mass: draft.mass,
+            mass,
+            inertial,
             mocap,
             joints: joint..scene.joints.len(),
             geoms: geom..scene.geoms.len(),

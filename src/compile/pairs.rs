@@ -2,11 +2,12 @@
 
 use std::collections::{HashMap, HashSet};
 
-use lanesim_kernels::model::{Dof, Geom, NONE, Pair, PairDof, Shape, Sides, Span};
+use lanesim_kernels::model::{Dof, Geom, Hull, NONE, Pair, PairDof, Shape, Sides, Span};
 use lanesim_kernels::options::Options;
 
 use super::constraints::impedance;
 use super::links::Links;
+use super::meshes::{Hulls, Meshes};
 use super::order::{Placed, Scene};
 use super::pose::row_major;
 use crate::diagnostics::Diagnostics;
@@ -25,6 +26,7 @@ pub(crate) const MINMU: f64 = 1e-5;
 #[derive(Default)]
 pub(crate) struct Pairs {
     pub geoms: Vec<Geom<f64>>,
+    pub hulls: Vec<Hull>,
     pub pairs: Vec<Pair<f64>>,
     pub dofs: Vec<PairDof>,
     /// By pair.
@@ -44,13 +46,13 @@ struct Contact {
 }
 
 /// Finds the pairs. Problems: too many of them.
-pub(crate) fn pairs(
+pub(crate) fn pairs<'a>(
     spec: &Spec,
-    scene: &Scene,
+    scene: &Scene<'a>,
     links: &Links,
     dofs: &[Dof<f64>],
     body_invweight0: &[[f64; 2]],
-    geom_names: &Names,
+    (geom_names, meshes): (&Names, &'a Meshes),
     diagnostics: &mut Diagnostics,
 ) -> Pairs {
     let mut out = Pairs::default();
@@ -73,7 +75,7 @@ pub(crate) fn pairs(
     candidates.extend(explicit);
     candidates.sort_by_key(|&(a, b, _)| (a, b));
 
-    let mut table = GeomTable { entry: vec![NONE; scene.geoms.len()], geoms: Vec::new() };
+    let mut table = GeomTable { entry: vec![NONE; scene.geoms.len()], geoms: Vec::new(), hulls: Hulls::new(meshes) };
     let mut chains = Chains::new(dofs, links);
     for (a, b, written) in candidates {
         let (ga, gb) = (&scene.geoms[a], &scene.geoms[b]);
@@ -100,8 +102,8 @@ pub(crate) fn pairs(
         let slots = slots(g1.spec.shape, g2.spec.shape, spec.option.flags.multiccd);
         let (w1, w2) = (body_invweight0[g1.body], body_invweight0[g2.body]);
         out.pairs.push(Pair {
-            geom1: table.entry(scene, links, one),
-            geom2: table.entry(scene, links, two),
+            geom1: table.entry(scene, links, one, diagnostics),
+            geom2: table.entry(scene, links, two, diagnostics),
             link1,
             link2,
             condim: contact.condim as u32,
@@ -122,7 +124,7 @@ pub(crate) fn pairs(
         });
         out.nslot += slots;
     }
-    out.geoms = table.geoms;
+    (out.geoms, out.hulls) = (table.geoms, table.hulls.hulls);
     out.dofs = chains.list;
     out
 }
@@ -229,7 +231,7 @@ fn slots(one: spec::Shape, two: spec::Shape, multiccd: bool) -> usize {
     use spec::Shape::*;
     match (one, two) {
         (Plane, Capsule) | (Capsule, Capsule) | (Capsule, Box) => 2,
-        (Plane, Cylinder) | (Plane, Box) => 4,
+        (Plane, Cylinder | Box | Mesh) => 4,
         (Box, Box) => 8,
         (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) => 1,
         _ if multiccd => 5,
@@ -310,17 +312,19 @@ fn overridden(options: &Options, contact: Contact) -> Contact {
 }
 
 /// The geoms that take part, entered as pairs name them.
-struct GeomTable {
+struct GeomTable<'a> {
     /// Entry of each MJCF geom, or [`NONE`].
     entry: Vec<u32>,
     geoms: Vec<Geom<f64>>,
+    hulls: Hulls<'a>,
 }
 
-impl GeomTable {
-    fn entry(&mut self, scene: &Scene, links: &Links, id: usize) -> u32 {
+impl<'a> GeomTable<'a> {
+    fn entry(&mut self, scene: &Scene<'a>, links: &Links, id: usize, diagnostics: &mut Diagnostics) -> u32 {
         if self.entry[id] == NONE {
             self.entry[id] = self.geoms.len() as u32;
-            self.geoms.push(geom(&scene.geoms[id], id, links));
+            let hull = self.hulls.of(scene.geoms[id].spec, id, diagnostics);
+            self.geoms.push(Geom { hull, ..geom(&scene.geoms[id], id, links) });
         }
         self.entry[id]
     }
@@ -338,9 +342,11 @@ fn geom(geom: &Placed<spec::Geom>, id: usize, links: &Links) -> Geom<f64> {
             spec::Shape::Ellipsoid => Shape::Ellipsoid,
             spec::Shape::Cylinder => Shape::Cylinder,
             spec::Shape::Box => Shape::Box,
+            spec::Shape::Mesh => Shape::Mesh,
         },
         link: links.body_link[geom.body],
         aligned: rotation == glam::DMat3::IDENTITY,
+        hull: NONE,
         pos: pose.pos.to_array(),
         rot: row_major(rotation),
         size: geom.spec.size,
@@ -357,7 +363,7 @@ pub(crate) fn bounding_radius(geom: &spec::Geom) -> f64 {
         spec::Shape::Capsule => a + b,
         spec::Shape::Cylinder => (a * a + b * b).sqrt(),
         spec::Shape::Ellipsoid => a.max(b).max(c),
-        spec::Shape::Box => (a * a + b * b + c * c).sqrt(),
+        spec::Shape::Box | spec::Shape::Mesh => (a * a + b * b + c * c).sqrt(),
     }
 }
 

@@ -28,6 +28,22 @@ impl Pose {
         Pose { pos: inverse * (outer.pos - self.pos), quat: inverse * outer.quat }
     }
 
+    /// A pose in a body whose inertia has the frame `inertia`: where position and orientation, or the orientation alone, are nearly
+    /// those of the body or of its inertia, exactly those. MuJoCo does the same (`geom_sameframe`), to copy frames.
+    pub fn settled(&self, inertia: &Pose) -> Pose {
+        const NEAR: f64 = 1e-6;
+        let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < NEAR);
+        let at = |other: &Pose| close(&self.pos.to_array(), &other.pos.to_array());
+        let along = |other: &Pose| close(&self.wxyz(), &other.wxyz()) || close(&self.wxyz(), &wxyz(-other.quat));
+        let body = Pose::IDENTITY;
+        let whole = [&body, inertia].into_iter().find(|other| at(other) && along(other));
+        let turned = || [&body, inertia].into_iter().find(|other| along(other));
+        match whole {
+            Some(other) => *other,
+            None => Pose { quat: turned().map_or(self.quat, |other| other.quat), ..*self },
+        }
+    }
+
     /// Orientation as (w, x, y, z).
     pub fn wxyz(&self) -> [f64; 4] {
         wxyz(self.quat)

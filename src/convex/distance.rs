@@ -47,7 +47,7 @@ impl Simplex {
 }
 
 /// Distance of the cores if it is above `touching` and at most `reach`.
-pub(super) fn distance(solids: &[Solid; 2], reach: f64, touching: f64) -> Outcome {
+pub(super) fn distance(solids: &[Solid<'_>; 2], reach: f64, touching: f64) -> Outcome {
     let mut simplex = Simplex::of(&[(difference(solids, solids[0].centre - solids[1].centre), 1.0)]);
     let mut v = simplex.point();
     for _ in 0..ITERATIONS {

@@ -6,10 +6,10 @@
 //! polygon of sixteen corners.
 
 use glam::{DVec2, DVec3};
-use lanesim_kernels::model::Shape;
+use lanesim_kernels::model::{Hull, HullFace, Shape};
 
 use super::Nearest;
-use super::support::Solid;
+use super::support::{Solid, vertex};
 
 /// Cosine of the largest angle between a face's normal and the contact normal.
 const FACE: f64 = 0.996;
@@ -40,7 +40,7 @@ struct Feature {
 }
 
 impl Feature {
-    fn of(corners: &[DVec3], solid: &Solid, out: DVec3) -> Feature {
+    fn of(corners: &[DVec3], solid: &Solid<'_>, out: DVec3) -> Feature {
         let mut feature = Feature { len: corners.len().min(DISK), corners: [DVec3::ZERO; DISK] };
         for (place, corner) in feature.corners.iter_mut().zip(corners) {
             *place = solid.place(*corner) + out * solid.radius;
@@ -58,7 +58,7 @@ impl Feature {
 }
 
 /// The face or edge that a solid shows in the direction `out`.
-fn feature(solid: &Solid, out: DVec3) -> Option<Feature> {
+fn feature(solid: &Solid<'_>, out: DVec3) -> Option<Feature> {
     let d = solid.local(out);
     let s = solid.size;
     match solid.shape {
@@ -94,8 +94,29 @@ fn feature(solid: &Solid, out: DVec3) -> Option<Feature> {
             let up = DVec3::new(0.0, 0.0, s.y);
             Some(Feature::of(&[up, -up], solid, out))
         }
+        Shape::Mesh => solid.hull.and_then(|hull| of_hull(hull, solid, d, out)),
         _ => None,
     }
+}
+
+/// The face or edge that a hull shows in the direction `d` of its own axes, `out` in place: at the vertex that is farthest out.
+fn of_hull(hull: &Hull, solid: &Solid<'_>, d: DVec3, out: DVec3) -> Option<Feature> {
+    let top = hull.support(d.to_array());
+    let facing = |face: &&HullFace| DVec3::from_array(face.normal).dot(d);
+    if let Some(face) = hull.faces_at(top).max_by(|a, b| facing(a).total_cmp(&facing(b))).filter(|f| facing(f) >= FACE)
+    {
+        // Of a face with more corners, as many as there is room for, all around.
+        let count = face.corners.len();
+        let kept = count.min(DISK);
+        let corners: [DVec3; DISK] =
+            std::array::from_fn(|i| vertex(hull, face.corners[i.min(kept - 1) * count / kept]));
+        return Some(Feature::of(&corners[..kept], solid, out));
+    }
+    let end = vertex(hull, top);
+    let steep = |other: &u32| (end - vertex(hull, *other)).normalize_or_zero().dot(d).abs();
+    let other =
+        hull.neighbours(top).iter().min_by(|a, b| steep(a).total_cmp(&steep(b))).filter(|o| steep(o) <= EDGE)?;
+    Some(Feature::of(&[end, vertex(hull, *other)], solid, out))
 }
 
 /// A corner of the shared outline, seen along the normal, and its distance.
@@ -109,7 +130,7 @@ struct Corner {
 ///
 /// Their common normal is that of a face: of two, the one that separates more.
 pub(super) fn manifold(
-    solids: &[Solid; 2],
+    solids: &[Solid<'_>; 2],
     nearest: &Nearest,
     most: usize,
     add: &mut impl FnMut(f64, DVec3, DVec3),
@@ -185,7 +206,7 @@ struct View {
 }
 
 impl View {
-    fn new(solids: &[Solid; 2], features: [&Feature; 2], normal: DVec3) -> View {
+    fn new(solids: &[Solid<'_>; 2], features: [&Feature; 2], normal: DVec3) -> View {
         let normal = snap(solids, features, normal);
         let (u, v) = normal.any_orthonormal_pair();
         View { normal, u, v, planes: features.map(|feature| plane(feature, normal)) }
@@ -230,7 +251,7 @@ impl View {
 }
 
 /// The normal of the features' faces along which the solids are farthest apart.
-fn snap(solids: &[Solid; 2], features: [&Feature; 2], normal: DVec3) -> DVec3 {
+fn snap(solids: &[Solid<'_>; 2], features: [&Feature; 2], normal: DVec3) -> DVec3 {
     let mut best = (f64::NEG_INFINITY, normal);
     for feature in features.into_iter().filter(|f| f.len > 2) {
         let n = feature.normal(normal);

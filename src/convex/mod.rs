@@ -8,10 +8,11 @@
 mod distance;
 mod manifold;
 mod penetration;
+mod plane;
 mod support;
 
 use glam::{DMat3, DVec3};
-use lanesim_kernels::collision::{Body, ConvexCollider, Point, Points};
+use lanesim_kernels::collision::{Body, ConvexCollider, Outline, Point, Points};
 use lanesim_kernels::model::Shape;
 
 use support::Solid;
@@ -38,15 +39,18 @@ struct Nearest {
 impl ConvexCollider for SupportCollider {
     fn collide(
         &self,
-        shapes: (Shape, Shape),
+        outlines: [Outline<'_>; 2],
         a: &Body<f64>,
         b: &Body<f64>,
         include: f64,
         most: usize,
         points: &mut Points<f64>,
     ) {
+        if outlines[0].shape == Shape::Plane {
+            return plane::collide(&Solid::new(outlines[1], b), a, include, most, points);
+        }
         let (own, origin) = (DMat3::from_cols_array(&a.rot).transpose(), DVec3::from_array(a.pos));
-        let [one, other] = [Solid::new(shapes.0, a), Solid::new(shapes.1, b)];
+        let [one, other] = [Solid::new(outlines[0], a), Solid::new(outlines[1], b)];
         let size = one.extent + one.radius + other.extent + other.radius;
         let (centre, rot) = (own.transpose() * (other.centre - origin), own.transpose() * other.rot);
         let solids = [
@@ -91,7 +95,7 @@ fn without_rounding(x: f64, size: f64) -> f64 {
 }
 
 /// The nearest points, or `None` if the cores are farther apart than `reach`.
-fn nearest(solids: &[Solid; 2], reach: f64) -> Option<Nearest> {
+fn nearest(solids: &[Solid<'_>; 2], reach: f64) -> Option<Nearest> {
     let size = solids[0].extent + solids[1].extent;
     match distance::distance(solids, reach, TOUCHING * size) {
         distance::Outcome::Far => None,

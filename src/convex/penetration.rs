@@ -45,7 +45,7 @@ struct Polytope {
 }
 
 /// Depth, normal and points of cores that penetrate or nearly touch; `size` is a length of the order of the shapes'.
-pub(super) fn penetration(solids: &[Solid; 2], size: f64) -> Nearest {
+pub(super) fn penetration(solids: &[Solid<'_>; 2], size: f64) -> Nearest {
     let mut polytope = Polytope {
         nvertex: 0,
         nface: 0,
@@ -80,7 +80,7 @@ fn weights(corners: &[Vertex; 3], at: DVec3) -> ([f64; 3], f64) {
 
 impl Polytope {
     /// A tetrahedron of extreme points: along an axis, away from that line, away from that plane.
-    fn start(&mut self, solids: &[Solid; 2], size: f64) {
+    fn start(&mut self, solids: &[Solid<'_>; 2], size: f64) {
         let farther = |direction: DVec3, from: Vertex| {
             let (p, q) = (difference(solids, direction), difference(solids, -direction));
             let off = |x: &Vertex| (x.at - from.at).dot(direction).abs();

@@ -1,13 +1,15 @@
 //! Shapes as support functions.
 
 use glam::{DMat3, DVec3};
-use lanesim_kernels::collision::Body;
-use lanesim_kernels::model::Shape;
+use lanesim_kernels::collision::{Body, Outline};
+use lanesim_kernels::model::{Hull, Shape};
 
 /// A convex shape in place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Solid {
+pub(super) struct Solid<'a> {
     pub shape: Shape,
+    /// Of a mesh.
+    pub hull: Option<&'a Hull>,
     pub centre: DVec3,
     /// Shape to world.
     pub rot: DMat3,
@@ -18,8 +20,8 @@ pub(super) struct Solid {
     pub extent: f64,
 }
 
-impl Solid {
-    pub fn new(shape: Shape, body: &Body<f64>) -> Solid {
+impl<'a> Solid<'a> {
+    pub fn new(Outline { shape, hull }: Outline<'a>, body: &Body<f64>) -> Solid<'a> {
         let size = DVec3::from_array(body.size);
         let (radius, extent) = match shape {
             Shape::Plane => (0.0, 0.0),
@@ -27,10 +29,10 @@ impl Solid {
             Shape::Capsule => (size.x, size.y),
             Shape::Ellipsoid => (0.0, size.max_element()),
             Shape::Cylinder => (0.0, size.x.hypot(size.y)),
-            Shape::Box => (0.0, size.length()),
+            Shape::Box | Shape::Mesh => (0.0, size.length()),
         };
         let rot = DMat3::from_cols_array(&body.rot).transpose();
-        Solid { shape, centre: DVec3::from_array(body.pos), rot, size, radius, extent }
+        Solid { shape, hull, centre: DVec3::from_array(body.pos), rot, size, radius, extent }
     }
 
     /// A direction in the shape's own axes.
@@ -60,8 +62,14 @@ impl Solid {
                 s.x * rim + DVec3::new(0.0, 0.0, s.y.copysign(d.z))
             }
             Shape::Box => DVec3::new(s.x.copysign(d.x), s.y.copysign(d.y), s.z.copysign(d.z)),
+            Shape::Mesh => self.hull.map_or(DVec3::ZERO, |hull| vertex(hull, hull.support(d.to_array()))),
         })
     }
+}
+
+/// A vertex of a hull, in its own axes.
+pub(super) fn vertex(hull: &Hull, vertex: u32) -> DVec3 {
+    DVec3::from_array(hull.vertices[vertex as usize])
 }
 
 /// A point of the difference of two solids, second minus first, with the points that it comes from.
@@ -72,7 +80,7 @@ pub(super) struct Vertex {
 }
 
 /// The difference's farthest point along a direction.
-pub(super) fn difference(solids: &[Solid; 2], direction: DVec3) -> Vertex {
+pub(super) fn difference(solids: &[Solid<'_>; 2], direction: DVec3) -> Vertex {
     let on = [solids[0].support(-direction), solids[1].support(direction)];
     Vertex { at: on[1] - on[0], on }
 }

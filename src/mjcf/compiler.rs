@@ -32,6 +32,7 @@ pub(super) fn read(tree: &Tree, spec: &mut Spec, report: &mut Report) -> Angles 
         reader.boolean("fusestatic", &mut compiler.fusestatic);
         reader.boolean("discardvisual", &mut compiler.discardvisual);
         reader.boolean("alignfree", &mut compiler.alignfree);
+        reader.boolean("fitaabb", &mut compiler.fitaabb);
         reader.keyword("inertiafromgeom", INERTIA, &mut compiler.inertiafromgeom);
         reader.integers("inertiagrouprange", &mut compiler.inertiagrouprange);
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::actuator::{RawActuator, Tag};
+use super::asset::RawMesh;
 use super::contact;
 use super::equality;
 use super::geom::{RawGeom, RawSite};
@@ -24,6 +25,7 @@ pub(super) struct Class {
     pub joint: Joint,
     pub geom: RawGeom,
     pub site: RawSite,
+    pub mesh: RawMesh,
     pub pair: Pair,
     pub equality: Equality,
     actuator: RawActuator,
@@ -91,6 +93,7 @@ impl Classes {
                 "joint" => joint::read(&mut reader, &mut values.joint),
                 "geom" => values.geom.read(&mut reader),
                 "site" => values.site.read(&mut reader),
+                "mesh" => values.mesh.read(&mut reader),
                 "pair" => contact::read(&mut reader, &mut values.pair),
                 "equality" => equality::read(&mut reader, &mut values.equality),
                 tag => {

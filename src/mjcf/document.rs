@@ -19,6 +19,8 @@ pub struct Document {
     pub text: String,
     /// What it includes, in the order of loading.
     pub includes: Vec<Include>,
+    /// Files of its meshes, likewise.
+    pub assets: Vec<Asset>,
 }
 
 /// An included file.
@@ -34,6 +36,24 @@ pub struct Include {
     pub text: String,
 }
 
+/// A file that is not MJCF.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Asset {
+    /// Its name in the model, with the folder that `compiler` names.
+    pub name: String,
+    /// Where it was found.
+    pub path: String,
+    /// What it holds.
+    pub bytes: Arc<[u8]>,
+}
+
+/// The files that a load reads beside the main one.
+#[derive(Debug, Default)]
+pub(super) struct Record {
+    pub includes: Vec<Include>,
+    pub assets: Vec<Asset>,
+}
+
 impl Document {
     /// Loads a model from a file, and keeps its text. Files that it includes are found relative to it.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<(Document, Spec), Diagnostics> {
@@ -44,20 +64,22 @@ impl Document {
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         let files = Files::Disk { folder, main: path.to_path_buf(), utf8: text.utf8 };
         let text = text.text;
-        let mut includes = Vec::new();
-        let spec = read(&text, Some(&file), &files, options, Some(&mut includes))?;
-        Ok((Document { file: Some(file.to_string()), text, includes }, spec))
+        let mut record = Record::default();
+        let spec = read(&text, Some(&file), &files, options, Some(&mut record))?;
+        let Record { includes, assets } = record;
+        Ok((Document { file: Some(file.to_string()), text, includes, assets }, spec))
     }
 
-    /// Parses a model from text, and keeps it; the files that it includes are given as texts by name.
+    /// Parses a model from text, and keeps it; the files that it reads are given by name.
     pub fn parse(
         text: &str,
-        files: &BTreeMap<String, String>,
+        files: &BTreeMap<String, Vec<u8>>,
         options: &LoadOptions,
     ) -> Result<(Document, Spec), Diagnostics> {
-        let mut includes = Vec::new();
-        let spec = read(text, None, &Files::Memory(files), options, Some(&mut includes))?;
-        Ok((Document { file: None, text: text.to_string(), includes }, spec))
+        let mut record = Record::default();
+        let spec = read(text, None, &Files::Memory(files), options, Some(&mut record))?;
+        let Record { includes, assets } = record;
+        Ok((Document { file: None, text: text.to_string(), includes, assets }, spec))
     }
 
     /// Loads the model from the text that was kept: the same spec, to the places in its messages.
@@ -78,7 +100,7 @@ mod tests {
 
     const MAIN: &str = "<mujoco><include file='sub/arm.xml'/><include file='keys.xml'/></mujoco>";
     const ARM: &str = "<mujoco><worldbody><include file='link.xml'/><light/></worldbody></mujoco>";
-    const LINK: &str = "<mujoco><body><joint/><geom type='mesh' mesh='m'/><geom size='.1'/></body></mujoco>";
+    const LINK: &str = "<mujoco><body><joint/><geom type='hfield'/><geom size='.1'/></body></mujoco>";
     const KEYS: &str = "<mujoco><keyframe><key name='up' qpos='1'/></keyframe></mujoco>";
 
     #[test]
@@ -94,13 +116,13 @@ mod tests {
         assert_eq!(document.includes.len(), 3);
         let again = document.spec(&options).unwrap();
         assert_eq!(format!("{spec:?}"), format!("{again:?}"));
-        assert_eq!(again.losses.len(), 1, "the mesh geom");
+        assert_eq!(again.losses.len(), 1, "the height field");
     }
 
     #[test]
     fn from_text() {
         let files = [("sub/arm.xml", ARM), ("link.xml", LINK), ("keys.xml", KEYS), ("unused.xml", "")];
-        let files = files.map(|(name, text)| (name.to_string(), text.to_string())).into();
+        let files = files.map(|(name, text)| (name.to_string(), text.as_bytes().to_vec())).into();
         let options = LoadOptions { lenient: true, ..LoadOptions::default() };
         let (document, spec) = Document::parse(MAIN, &files, &options).unwrap();
         assert_eq!(document.includes.len(), 3, "what is not included is not kept");

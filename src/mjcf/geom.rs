@@ -11,7 +11,6 @@ use crate::spec::{Compiler, Geom, GeomMass, InertiaFromGeom, Shape, Site};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Shape(Shape),
-    Mesh,
     HeightField,
     DistanceField,
 }
@@ -24,7 +23,7 @@ const KINDS: &[(&str, Kind)] = &[
     ("ellipsoid", Kind::Shape(Shape::Ellipsoid)),
     ("cylinder", Kind::Shape(Shape::Cylinder)),
     ("box", Kind::Shape(Shape::Box)),
-    ("mesh", Kind::Mesh),
+    ("mesh", Kind::Shape(Shape::Mesh)),
     ("sdf", Kind::DistanceField),
 ];
 
@@ -36,7 +35,7 @@ pub(super) struct Placement {
     pos: [f64; 3],
     orientation: Orientation,
     fromto: Option<[f64; 6]>,
-    /// Name of a mesh to fit the shape to.
+    /// Name of the mesh that is the shape, or to which it is fitted.
     mesh: String,
 }
 
@@ -70,10 +69,8 @@ impl Placement {
     /// Why the shape cannot be had.
     fn missing(&self) -> Option<&'static str> {
         match self.kind {
-            Kind::Mesh => Some("meshes are"),
             Kind::HeightField => Some("height fields are"),
             Kind::DistanceField => Some("signed distance fields are"),
-            Kind::Shape(_) if !self.mesh.is_empty() => Some("a shape fitted to a mesh is"),
             Kind::Shape(_) => None,
         }
     }
@@ -114,7 +111,7 @@ fn span(shape: Shape, mut size: [f64; 3], ends: [f64; 6]) -> Result<Resolved, &'
     match shape {
         Shape::Capsule | Shape::Cylinder => size[1] = half,
         Shape::Box | Shape::Ellipsoid => size = [size[0], size[0], half],
-        Shape::Plane | Shape::Sphere => return Err("fromto needs a capsule, cylinder, box or ellipsoid"),
+        Shape::Plane | Shape::Sphere | Shape::Mesh => return Err("fromto needs a capsule, cylinder, box or ellipsoid"),
     }
     let quat = from_z(axis).ok_or("the two points of fromto coincide")?;
     Ok(Resolved { shape, size, pos: [0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)], quat })
@@ -159,6 +156,7 @@ impl RawGeom {
             self.mass = Some(mass);
         }
         reader.real("density", &mut self.density);
+        reader.real("fitscale", &mut geom.fitscale);
         reader.boolean("shellinertia", &mut geom.shellinertia);
         reader.bits("contype", &mut geom.contype);
         reader.bits("conaffinity", &mut geom.conaffinity);
@@ -211,9 +209,21 @@ impl RawGeom {
         for (_, what) in features.iter().filter(|(asked, _)| *asked) {
             report.unsupported(element, what);
         }
+        let mesh = self.placement.mesh.clone();
+        match self.placement.kind {
+            Kind::Shape(Shape::Mesh) if mesh.is_empty() => {
+                report.error(element, "a geom of type mesh needs a mesh", "name one in attribute mesh");
+                return None;
+            }
+            Kind::Shape(Shape::Plane) if !mesh.is_empty() => {
+                report.error(element, "a plane cannot be fitted to a mesh", "remove mesh");
+                return None;
+            }
+            _ => {}
+        }
         let Resolved { shape, size, pos, quat } = self.placement.resolve(element, angles, report)?;
         let mass = self.mass.map_or(GeomMass::Density(self.density), GeomMass::Mass);
-        Some(Geom { shape, size, pos, quat, mass, source: element.source.clone(), ..self.geom })
+        Some(Geom { shape, size, mesh, pos, quat, mass, source: element.source.clone(), ..self.geom })
     }
 }
 
@@ -243,7 +253,8 @@ impl RawSite {
             report.error(element, "a site cannot be a plane or height field", "");
             return None;
         }
-        if let Some(what) = self.placement.missing() {
+        let fitted = (!self.placement.mesh.is_empty()).then_some("a site fitted to a mesh is");
+        if let Some(what) = self.placement.missing().or(fitted) {
             report.unsupported(element, what);
             return None;
         }

@@ -6,7 +6,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::document::{Document, Include};
+use super::document::{Asset, Document, Include, Record};
 use super::report::{Report, file_problem, quoted};
 use super::scan::MOST_BYTES;
 use super::tree::Tree;
@@ -17,12 +17,15 @@ use crate::suggest::did_you_mean;
 /// What a path is relative to.
 const INCLUDE_PATHS: &str = "paths are relative to the main file, or to the file that includes";
 
+/// Most bytes of meshes, all files together.
+const MOST_MESHES: usize = 1 << 30;
+
 /// Where included files come from.
 pub(super) enum Files<'a> {
     /// The folder of the main file, that file itself, and whether it is UTF-8.
     Disk { folder: PathBuf, main: PathBuf, utf8: bool },
-    /// Texts by name.
-    Memory(&'a BTreeMap<String, String>),
+    /// By name.
+    Memory(&'a BTreeMap<String, Vec<u8>>),
     /// Texts as an earlier load found them.
     Recorded(&'a Document),
 }
@@ -33,7 +36,7 @@ pub(super) fn read(
     file: Option<&Arc<str>>,
     files: &Files,
     report: &mut Report,
-    record: Option<&mut Vec<Include>>,
+    record: Option<&mut Record>,
 ) -> Result<Tree, Diagnostics> {
     let mut tree = Tree::default();
     check_size(text.len(), file)?;
@@ -63,7 +66,7 @@ struct Loader<'a> {
     files: &'a Files<'a>,
     seen: HashSet<PathBuf>,
     bytes: usize,
-    record: Option<&'a mut Vec<Include>>,
+    record: Option<&'a mut Record>,
 }
 
 impl Loader<'_> {
@@ -82,7 +85,7 @@ impl Loader<'_> {
         }
         let (path, text) = match self.files {
             Files::Memory(texts) => match given(texts, &name) {
-                Some((key, text)) => (PathBuf::from(key), Ok(text.clone())),
+                Some((key, bytes)) => (PathBuf::from(key), Ok(decode(bytes.clone()).text)),
                 None => {
                     let near = report.seek(|| did_you_mean(&name, texts.keys().map(String::as_str)));
                     (PathBuf::from(&name), Err(format!("no such file among those given {near}").trim_end().to_string()))
@@ -123,12 +126,81 @@ impl Loader<'_> {
         }
         if let Some(record) = &mut self.record {
             let (by, path) = (element.source.file.as_deref().map(str::to_string), path.display().to_string());
-            record.push(Include { by, name, path, text: text.clone() });
+            record.includes.push(Include { by, name, path, text: text.clone() });
         }
         self.bytes += text.len();
         let file: Arc<str> = path.display().to_string().into();
         check_size(self.bytes, Some(&file))?;
         tree.append(&text, Some(&file)).map(Some)
+    }
+}
+
+/// Reads the files of meshes.
+pub(super) struct Assets<'a, 'b> {
+    files: &'a Files<'a>,
+    /// The folder of meshes, as `compiler` names it.
+    folder: String,
+    /// Whether only the last part of a file's name counts.
+    strip: bool,
+    /// Bytes read so far.
+    bytes: usize,
+    record: Option<&'b mut Record>,
+}
+
+impl<'a, 'b> Assets<'a, 'b> {
+    /// For the compiler settings of a model.
+    pub fn new(tree: &Tree, files: &'a Files<'a>, record: Option<&'b mut Record>) -> Self {
+        let (mut folder, mut strip) = (["", ""], false);
+        for index in tree.sections("compiler") {
+            for (place, name) in folder.iter_mut().zip(["assetdir", "meshdir"]) {
+                *place = tree[index].get(name).unwrap_or(place);
+            }
+            strip = tree[index].get("strippath").map_or(strip, |value| value == "true");
+        }
+        let [assets, meshes] = folder;
+        let folder = if meshes.is_empty() { assets } else { meshes }.to_string();
+        Assets { files, folder, strip, bytes: 0, record }
+    }
+
+    /// The bytes of a mesh's file; the error is a message and a remedy.
+    pub fn mesh(&mut self, name: &str) -> Result<Vec<u8>, (String, String)> {
+        let name = name.replace('\\', "/");
+        let last = if self.strip { name.rsplit('/').next().unwrap_or_default() } else { &name };
+        let name = match self.folder.replace('\\', "/") {
+            folder if folder.is_empty() || last.starts_with('/') => last.to_string(),
+            folder => format!("{}/{last}", folder.trim_end_matches('/')),
+        };
+        let (path, bytes) = match self.files {
+            Files::Memory(files) => match given(files, &name) {
+                Some((key, bytes)) => (key.clone(), Ok(bytes.clone())),
+                None => (name.clone(), Err("no such file among those given".to_string())),
+            },
+            Files::Recorded(document) => match document.assets.iter().find(|asset| asset.name == name) {
+                Some(asset) => (asset.path.clone(), Ok(asset.bytes.to_vec())),
+                None => (name.clone(), Err("no such file among those recorded".to_string())),
+            },
+            Files::Disk { folder, .. } => {
+                let path = folder.join(&name);
+                (path.display().to_string(), read_bytes(&path, MOST_MESHES))
+            }
+        };
+        let problem = |message: String| (format!("file {}: {message}", quoted(&name)), String::new());
+        let bytes = bytes.map_err(|message| match self.files {
+            Files::Disk { .. } => {
+                let near = neighbour(Path::new(&path));
+                let remedy = format!("{near}paths are relative to the main file and to meshdir");
+                (format!("file {}: {message}", quoted(&path)), remedy)
+            }
+            _ => problem(message),
+        })?;
+        self.bytes += bytes.len();
+        if self.bytes > MOST_MESHES {
+            return Err(problem(format!("meshes have more than {} MiB in all", MOST_MESHES >> 20)));
+        }
+        if let Some(record) = self.record.as_deref_mut().filter(|record| record.assets.iter().all(|a| a.name != name)) {
+            record.assets.push(Asset { name, path, bytes: bytes.as_slice().into() });
+        }
+        Ok(bytes)
     }
 }
 
@@ -159,8 +231,8 @@ fn neighbour(path: &Path) -> String {
     }
 }
 
-/// A text by its name, written with slashes of either kind, or else by the last part of the name.
-fn given<'a>(texts: &'a BTreeMap<String, String>, name: &str) -> Option<(&'a String, &'a String)> {
+/// A file by its name, written with slashes of either kind, or else by the last part of the name.
+fn given<'a>(texts: &'a BTreeMap<String, Vec<u8>>, name: &str) -> Option<(&'a String, &'a Vec<u8>)> {
     let slashes = |name: &str| name.replace('\\', "/");
     let last = |name: &str| slashes(name).rsplit('/').next().map(str::to_string);
     texts
@@ -184,20 +256,25 @@ fn identity(path: &Path) -> PathBuf {
 
 /// Reads a regular file as text, never more than a model may hold.
 pub(super) fn read_text(path: &Path) -> Result<Text, String> {
+    let bytes = read_bytes(path, MOST_BYTES)?;
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err("is UTF-16, but must be UTF-8: save it as that".into());
+    }
+    Ok(decode(bytes))
+}
+
+/// Reads a regular file, never more than a byte beyond `most`.
+pub(super) fn read_bytes(path: &Path, most: usize) -> Result<Vec<u8>, String> {
     let read = || -> std::io::Result<Vec<u8>> {
         // Asked before opening: to open a pipe would wait for a writer.
         if !std::fs::metadata(path)?.is_file() {
             return Err(std::io::Error::other("not a regular file"));
         }
         let mut bytes = Vec::new();
-        File::open(path)?.take(MOST_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+        File::open(path)?.take(most as u64 + 1).read_to_end(&mut bytes)?;
         Ok(bytes)
     };
-    let bytes = read().map_err(|error| format!("cannot be read: {error}"))?;
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err("is UTF-16, but must be UTF-8: save it as that".into());
-    }
-    Ok(decode(bytes))
+    read().map_err(|error| format!("cannot be read: {error}"))
 }
 
 /// The text of bytes in UTF-8 or, if they are not that, in an encoding with one byte per character, read as ISO-8859-1.

@@ -8,6 +8,7 @@
 //! [`Spec::losses`]. What the elements mean together - names, ranges, masses - is the compiler's business.
 
 mod actuator;
+mod asset;
 mod body;
 mod compiler;
 mod contact;
@@ -42,8 +43,9 @@ use crate::spec::{Actuator, Body, Equality, Exclude, Pair, Spec, Transmission};
 use actuator::Tag;
 use body::Builder;
 use defaults::{Classes, MAIN};
-pub use document::{Document, Include};
-use include::Files;
+use document::Record;
+pub use document::{Asset, Document, Include};
+use include::{Assets, Files};
 use reader::Reader;
 use reference::{Entry, References};
 use report::Report;
@@ -69,10 +71,10 @@ pub fn parse(text: &str, options: &LoadOptions) -> Result<Spec, Diagnostics> {
     parse_with_files(text, &BTreeMap::new(), options)
 }
 
-/// Parses a model from text; the files that it includes are given as texts by name.
+/// Parses a model from text; the files that it reads, included ones and those of meshes, are given by name.
 pub fn parse_with_files(
     text: &str,
-    files: &BTreeMap<String, String>,
+    files: &BTreeMap<String, Vec<u8>>,
     options: &LoadOptions,
 ) -> Result<Spec, Diagnostics> {
     read(text, None, &Files::Memory(files), options, None)
@@ -94,10 +96,10 @@ fn read(
     file: Option<&Arc<str>>,
     files: &Files,
     options: &LoadOptions,
-    record: Option<&mut Vec<Include>>,
+    mut record: Option<&mut Record>,
 ) -> Result<Spec, Diagnostics> {
     let mut report = Report::new(options.lenient);
-    let tree = include::read(text, file, files, &mut report, record)?;
+    let tree = include::read(text, file, files, &mut report, record.as_deref_mut())?;
     schema::check(&tree, &mut report);
     let mut spec = Spec::new(tree[0].get("model").unwrap_or_default());
     spec.bodies[0].source = tree[0].source.clone();
@@ -135,6 +137,7 @@ fn read(
     builder.build();
     let built = Built::of(builder);
     built.finish(&tree, &mut spec, &mut report);
+    asset::meshes(&tree, &classes, &mut Assets::new(&tree, files, record), &mut spec, &mut report);
 
     report.into_result(&mut spec)?;
     overridden?;

@@ -96,6 +96,12 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// Any number of indices from 0.
+    pub fn indices(&mut self, name: &str) -> Vec<u32> {
+        let index = |i: i32| u32::try_from(i).map_err(|_| format!("index {i} is negative"));
+        self.parsed(name, |text| value::integers(text)?.into_iter().map(index).collect()).unwrap_or_default()
+    }
+
     /// A bit mask, written as a signed integer.
     pub fn bits(&mut self, name: &str, target: &mut u32) {
         let mut signed = target.cast_signed();

@@ -50,6 +50,7 @@ const JOINT: &str = "actuatorfrclimited actuatorfrcrange actuatorgravcomp armatu
 const GEOM: &str = "adhesion castshadow conaffinity condim contype density fitscale fluidcoef fluidshape friction fromto \
     gap group hfield margin mass material mesh pos priority rgba shellinertia size solimp solmix solref surfacevel type \
     user";
+const MESH: &str = "inertia maxhullvert scale";
 const SITE: &str = "fromto group material mesh pos rgba size type user";
 const CAMERA: &str = "focal focalpixel fovy ipd mode output pos principal principalpixel projection resolution \
     sensorsize user";
@@ -106,7 +107,7 @@ static DEFAULT: Rule = Rule {
     tag: "default",
     attributes: &["class"],
     children: &[
-        &opaque("mesh"),
+        &leaf("mesh", &[MESH]),
         &opaque("texture"),
         &opaque("material"),
         &leaf("joint", &[JOINT]),
@@ -145,9 +146,20 @@ static CUSTOM: Rule = section(
     ],
 );
 
+static MESH_ASSET: Rule = Rule {
+    children: &[&opaque("plugin")],
+    ..leaf(
+        "mesh",
+        &[
+            MESH,
+            "name class builtin content_type face file material normal params refpos refquat smoothnormal texcoord vertex",
+        ],
+    )
+};
+
 static ASSET: Rule = section(
     "asset",
-    &[&opaque("texture"), &opaque("material"), &opaque("skin"), &opaque("mesh"), &opaque("hfield"), &opaque("model")],
+    &[&opaque("texture"), &opaque("material"), &opaque("skin"), &MESH_ASSET, &opaque("hfield"), &opaque("model")],
 );
 
 static BODY_CHILDREN: [&Rule; 14] = [

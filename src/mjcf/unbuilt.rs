@@ -25,7 +25,6 @@ pub(super) fn sections(tree: &Tree, report: &mut Report) {
     // What nothing depends on by itself: elements that use it say so.
     note(tree, "sensor", |_| true, "sensors are not built: there is no sensordata", report);
     note(tree, "extension", |_| true, "plugins are not built", report);
-    note(tree, "asset", |element| element.tag == "mesh", "meshes are not read", report);
     note(tree, "asset", |element| element.tag == "hfield", "height fields are not read", report);
     for (section, what) in [
         ("tendon", "tendons without a force of their own are left out, as tendons are not built"),

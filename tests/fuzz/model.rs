@@ -371,7 +371,7 @@ fn damage(text: &mut String, random: &mut Random) {
 /// A model's text, and the texts that it may include.
 pub struct Model {
     pub text: String,
-    pub files: BTreeMap<String, String>,
+    pub files: BTreeMap<String, Vec<u8>>,
 }
 
 /// A model for an execution.
@@ -391,8 +391,8 @@ pub fn model(corpus: &[Node], random: &mut Random) -> Model {
         root.any(random).children.push(Node::new("include").with("file", "a.xml"));
         let mut part = random.pick(corpus).clone();
         change(&mut part, corpus, random);
-        files.insert("a.xml".to_owned(), part.text());
-        files.insert("b.xml".to_owned(), "<mujoco><include file=\"a.xml\"/></mujoco>".to_owned());
+        files.insert("a.xml".to_owned(), part.text().into_bytes());
+        files.insert("b.xml".to_owned(), "<mujoco><include file=\"a.xml\"/></mujoco>".into());
     }
     let mut text = root.text();
     if random.one_in(10) {

@@ -55,7 +55,11 @@ pub const RULES: &[Rule] = &[
         "default joint geom site motor position velocity general pair camera mesh material equality tendon",
     ),
     row("asset", "", "mesh texture material hfield"),
-    row("mesh", "name=MESH file=f vertex=v9 scale=v3 class=@CLASS", ""),
+    row(
+        "mesh",
+        "name=MESH file=f vertex=v12 face=v3 scale=v3 refpos=v3 refquat=v4 inertia=legacy|exact|convex|shell maxhullvert=i class=@CLASS",
+        "",
+    ),
     row("hfield", "name=HFIELD nrow=i ncol=i size=v4 elevation=v9 file=f", ""),
     row("texture", "name=t type=2d|cube builtin=flat width=i height=i file=f", ""),
     row("material", "name=MATERIAL rgba=v4 texture=t class=@CLASS", ""),

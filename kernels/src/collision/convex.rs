@@ -2,7 +2,16 @@
 
 use super::Body;
 use super::single::Points;
-use crate::model::Shape;
+use crate::model::{Hull, Shape};
+
+/// The shape of a geom, and its hull if it is a mesh.
+#[derive(Clone, Copy, Debug)]
+pub struct Outline<'a> {
+    /// Shape.
+    pub shape: Shape,
+    /// Hull of a mesh, in the geom's axes.
+    pub hull: Option<&'a Hull>,
+}
 
 /// Finds the contacts of two convex shapes, one world at a time, without allocating.
 ///
@@ -12,7 +21,7 @@ pub trait ConvexCollider: Sync {
     /// the surfaces, normals point from `a` to `b`.
     fn collide(
         &self,
-        shapes: (Shape, Shape),
+        outlines: [Outline<'_>; 2],
         a: &Body<f64>,
         b: &Body<f64>,
         include: f64,

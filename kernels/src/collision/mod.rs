@@ -19,7 +19,7 @@ mod way;
 
 pub use bound::near_pairs;
 pub use classes::{Class, classes, groups};
-pub use convex::ConvexCollider;
+pub use convex::{ConvexCollider, Outline};
 pub use frame::contact_frame;
 pub use pair::{Body, Found, Frames, in_lanes, narrow, narrow_parallel};
 pub use single::{Point, Points};
@@ -252,9 +252,10 @@ impl<L: LaneQuery> Collision<L> {
             (Shape::Box, Shape::Box) => {
                 single::each(a, b, worlds, |a, b, points| boxes::boxes(a, b, include, points), emit)
             }
-            shapes => {
+            _ => {
+                let outlines = outlines(&model, near.pair);
                 let collide =
-                    |a: &_, b: &_, points: &mut _| single::convex(convex, shapes, (a, b), include, most, points);
+                    |a: &_, b: &_, points: &mut _| single::convex(convex, outlines, (a, b), include, most, points);
                 single::each(a, b, worlds, collide, emit);
             }
         }
@@ -294,4 +295,13 @@ pub fn shapes<T>(model: &Model<T>, pair: u32) -> (Shape, Shape) {
 /// The places of its contacts.
 fn points_found<'a, L>(near: &Near, found: &'a mut [Found<L>]) -> &'a mut [Found<L>] {
     &mut found[near.first as usize..][..near.points as usize]
+}
+
+/// The outlines of a pair.
+fn outlines<T>(model: &Model<T>, pair: u32) -> [Outline<'_>; 2] {
+    let pair = &model.pairs[pair as usize];
+    [pair.geom1, pair.geom2].map(|geom| {
+        let geom = &model.geoms[geom as usize];
+        Outline { shape: geom.shape, hull: model.hulls.get(geom.hull as usize) }
+    })
 }

@@ -112,7 +112,12 @@ impl<L: Lane> Candidate<L> {
 /// Whether a pair has a formula in lanes.
 pub fn in_lanes(shapes: (Shape, Shape)) -> bool {
     use Shape::{Box, Capsule, Cylinder, Plane, Sphere};
-    matches!(shapes, (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) | (Capsule, Capsule))
+    matches!(
+        shapes,
+        (Plane, Sphere | Capsule | Shape::Ellipsoid | Cylinder | Box)
+            | (Sphere, Sphere | Capsule | Cylinder | Box)
+            | (Capsule, Capsule)
+    )
 }
 
 /// The bodies of a pair relative to its reference point, and the distance within which contacts are listed.

@@ -3,11 +3,10 @@
 //! Each near lane's numbers are taken out, treated in the lane's own real type, and the points put back into the lanes of
 //! the pair's slots. A world's points follow from its own numbers alone, by the same scalar code whatever the lane's width.
 
-use super::ConvexCollider;
+use super::convex::{ConvexCollider, Outline};
 use super::pair::{Body, Candidate};
 use crate::lane::{LaneQuery, Scalar};
 use crate::math::vec3::{Vec3, zero};
-use crate::model::Shape;
 
 /// Most points of a pair.
 pub(crate) const MOST: usize = 8;
@@ -97,14 +96,14 @@ fn widen<R: Scalar>(body: &Body<R>) -> Body<f64> {
 /// Runs a collider of convex shapes in f64, and rounds its points.
 pub(super) fn convex<R: Scalar>(
     collider: &dyn ConvexCollider,
-    shapes: (Shape, Shape),
+    outlines: [Outline<'_>; 2],
     bodies: (&Body<R>, &Body<R>),
     include: R,
     most: usize,
     points: &mut Points<R>,
 ) {
     let mut found = Points::default();
-    collider.collide(shapes, &widen(bodies.0), &widen(bodies.1), include.to_f64(), most, &mut found);
+    collider.collide(outlines, &widen(bodies.0), &widen(bodies.1), include.to_f64(), most, &mut found);
     for point in found.as_slice().iter().take(most) {
         points.push(Point {
             dist: R::from_f64(point.dist),

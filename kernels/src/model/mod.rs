@@ -7,14 +7,18 @@
 //! world's origin the tree is.
 
 mod cast;
+mod hull;
 mod pattern;
 mod tables;
 mod varied;
 
 pub use cast::{Cast, Representable};
+pub use hull::{Hull, HullFace};
 pub use pattern::{Pattern, Rows};
 pub use tables::*;
 pub use varied::{Instance, Quantities, Quantity, Varied};
+
+use std::sync::Arc;
 
 use crate::lane::Real;
 use crate::options::Options;
@@ -158,6 +162,8 @@ pub struct Model<T> {
     pub blur: Blur<T>,
     /// Geoms that take part in pairs.
     pub geoms: Vec<Geom<T>>,
+    /// Convex hulls of the meshes among them.
+    pub hulls: Arc<[Hull]>,
     /// Pairs of geoms.
     pub pairs: Vec<Pair<T>>,
     /// Degrees of freedom of pairs.
@@ -235,6 +241,7 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             levers: self.levers.cast(),
             blur: self.blur.cast(),
             geoms: self.geoms.cast(),
+            hulls: self.hulls.clone(),
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),
             limits: self.limits.cast(),

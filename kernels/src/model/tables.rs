@@ -157,6 +157,8 @@ pub enum Shape {
     Cylinder,
     /// Box: three half sizes.
     Box,
+    /// Convex hull of a mesh: half sizes of a box about the origin that holds it.
+    Mesh,
 }
 
 table! {
@@ -170,6 +172,8 @@ table! {
         pub link: u32,
         /// Whether `rot` is the identity.
         pub aligned: bool,
+        /// Of a mesh, its place among the hulls; else [`NONE`].
+        pub hull: u32,
         real:
         /// Position in the link's frame, or in the world.
         pub pos: [T; 3],

@@ -4,13 +4,14 @@
 use crate::mjcf::{LoadOptions, parse, schema};
 
 const LOOKS: &str = "only for viewers";
-const FILES: &str = "no file but includes is read";
+const FILES: &str = "only for files that are not there in this test";
 const SAVING: &str = "only for saving and attaching models";
 const USER: &str = "numbers for the user's own code, of which there is none here";
 const MEMORY: &str = "rooms are sized by the model";
 const STATELESS: &str = "acts on an activation only, which is not built";
 const MUSCLES: &str = "only muscles need ranges of lengths";
-const MESHES: &str = "only for shapes fitted to meshes or height fields, which are not built";
+const MESHES: &str =
+    "only for shapes of meshes, of which there is none in this test, and height fields, which are not built";
 const SPEED: &str = "only steers speed";
 
 /// Element (`*`: any, `default`: all in defaults), attributes, and why they have no effect.
@@ -19,7 +20,6 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("compiler", "assetdir meshdir texturedir strippath", FILES),
     ("compiler", "conflict passthrough savecanonical savecompiled saveinertial", SAVING),
     ("compiler", "coordinate", "local is the only value that is supported, and the default"),
-    ("compiler", "fitaabb", MESHES),
     ("compiler", "usethread", SPEED),
     ("lengthrange", "*", MUSCLES),
     ("option", "jacobian sdf_initpoints sdf_iterations sleep_tolerance", SPEED),
@@ -32,7 +32,8 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("*", "user", USER),
     ("*", "rgba material castshadow", LOOKS),
     ("camera light", "*", LOOKS),
-    ("geom", "fitscale hfield", MESHES),
+    ("geom", "hfield", MESHES),
+    ("mesh", "*", MESHES),
     ("geom", "fluidcoef", "only for fluid forces, which are not built"),
     ("body", "sleep", "only for sleeping, which is not built"),
     ("body", "simple", SPEED),

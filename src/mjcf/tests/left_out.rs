@@ -112,54 +112,54 @@ fn sensors_are_notes() {
     assert_eq!(error, "sensors are not built, so there is no output sensordata");
 }
 
-/// A mesh on a body, with what stands before it.
-fn mesh(compiler: &str, before: &str, geom: &str) -> String {
+/// A height field on a body, with what stands before it.
+fn field(compiler: &str, before: &str, geom: &str) -> String {
     format!(
-        "<mujoco><compiler {compiler}/><asset><mesh name='m' file='m.stl'/></asset><worldbody><body>{before}\
-         <geom size='.1'/>\n<geom name='v' type='mesh' mesh='m' {geom}/></body></worldbody></mujoco>"
+        "<mujoco><compiler {compiler}/><worldbody><body>{before}\
+         <geom size='.1'/>\n<geom name='v' type='hfield' {geom}/></body></worldbody></mujoco>"
     )
 }
 
 #[test]
-fn meshes_that_only_decorate_are_notes() {
+fn height_fields_that_only_decorate_are_notes() {
     let idle = "contype='0' conaffinity='0'";
     let inertial = "<frame><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></frame>";
     let massless = format!("{idle} mass='0'");
     let grouped = format!("{idle} group='3'");
     for text in [
-        mesh("", &format!("<joint/>{inertial}"), idle),
-        mesh("", "<joint/>", &massless),
-        mesh("", "<joint/>", &format!("{idle} density='0'")),
-        mesh("inertiagrouprange='0 2'", "<joint/>", &grouped),
-        mesh("inertiafromgeom='false'", "<joint/>", idle),
-        mesh("", "", idle),
+        field("", &format!("<joint/>{inertial}"), idle),
+        field("", "<joint/>", &massless),
+        field("", "<joint/>", &format!("{idle} density='0'")),
+        field("inertiagrouprange='0 2'", "<joint/>", &grouped),
+        field("inertiafromgeom='false'", "<joint/>", idle),
+        field("", "", idle),
     ] {
         let spec = ok(&text);
         assert_eq!(spec.bodies[1].geoms.len(), 1);
         assert_eq!(
             spec.notes,
             [
-                "line 1: 1 meshes are not read",
-                "1 geom on which no motion depends is left out, as meshes are not built: line 2: geom \"v\": the first",
+                "1 geom on which no motion depends is left out, as height fields are not built: line 2: geom \"v\": the first"
             ]
         );
     }
 }
 
 #[test]
-fn a_mesh_left_out_says_what_it_takes_with_it() {
+fn a_geom_left_out_says_what_it_takes_with_it() {
     let check = |text: &str, with: &str| {
-        rejects(text, &format!("2: geom \"v\": meshes are not supported (a lenient load leaves it out {with})"));
-        assert_eq!(lenient(text).losses, [format!("line 2: geom \"v\": meshes are not supported, left out {with}")]);
+        rejects(text, &format!("2: geom \"v\": height fields are not supported (a lenient load leaves it out {with})"));
+        let lost = format!("line 2: geom \"v\": height fields are not supported, left out {with}");
+        assert_eq!(lenient(text).losses, [lost]);
     };
     let idle = "contype='0' conaffinity='0'";
-    check(&mesh("", "<joint/>", ""), "with its contacts and its mass");
-    check(&mesh("", "<joint/>", "mass='0'"), "with its contacts");
-    check(&mesh("", "<joint/>", idle), "with its mass");
-    check(&mesh("", "", ""), "with its contacts");
-    check(&mesh("settotalmass='1'", "", idle), "with its mass");
+    check(&field("", "<joint/>", ""), "with its contacts and its mass");
+    check(&field("", "<joint/>", "mass='0'"), "with its contacts");
+    check(&field("", "<joint/>", idle), "with its mass");
+    check(&field("", "", ""), "with its contacts");
+    check(&field("settotalmass='1'", "", idle), "with its mass");
     check(
-        &mesh("inertiafromgeom='true'", "<joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>", idle),
+        &field("inertiafromgeom='true'", "<joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>", idle),
         "with its mass",
     );
 }
@@ -169,9 +169,9 @@ fn a_mesh_left_out_says_what_it_takes_with_it() {
 fn a_pair_with_a_copy_of_a_lost_geom_is_lost() {
     let text = |name: &str, idle: &str| {
         format!(
-            "<mujoco><asset><mesh name='m' file='m.stl'/></asset><worldbody><geom name='h' size='.1'/><body><joint/>\
-             <geom size='.1'/><replicate count='2'><replicate count='2' sep='_'><geom name='g' type='mesh' mesh='m' {idle}/>\
-             <geom type='mesh' mesh='m'/></replicate></replicate></body></worldbody>\
+            "<mujoco><worldbody><geom name='h' size='.1'/><body><joint/>\
+             <geom size='.1'/><replicate count='2'><replicate count='2' sep='_'><geom name='g' type='hfield' {idle}/>\
+             <geom type='hfield'/></replicate></replicate></body></worldbody>\
              <contact><pair geom1='h' geom2='{name}'/></contact></mujoco>"
         )
     };
@@ -183,13 +183,13 @@ fn a_pair_with_a_copy_of_a_lost_geom_is_lost() {
     assert_eq!(lenient(&text("0", "")).pairs.len(), 1, "what has no name has no copies either");
     // Where only the pair makes the geom matter, the pair is refused.
     let idle = "contype='0' conaffinity='0' mass='0'";
-    let only = text("g_10", idle).replace("<geom type='mesh' mesh='m'/>", "");
+    let only = text("g_10", idle).replace("<geom type='hfield'/>", "");
     rejects(&only, "1: pair: geom \"g_10\" is not supported (a lenient load leaves the pair out)");
 }
 
 #[test]
 fn sentences_are_capped() {
-    let spec = lenient(&world(&"<geom type='mesh' mesh='m'/>".repeat(1500)));
+    let spec = lenient(&world(&"<geom type='hfield'/>".repeat(1500)));
     assert_eq!((spec.losses.len(), spec.losses[1000].as_str()), (1001, "500 more are not listed"));
 }
 
@@ -247,11 +247,11 @@ fn tendons_constraints_and_skins_without_effect_are_notes() {
     }
 }
 
-/// The compiler's message about a body names the mesh that a lenient load took from it, or from what is fixed to it.
+/// The compiler's message about a body names the geom that a lenient load took from it, or from what is fixed to it.
 #[test]
-fn a_body_without_mass_names_the_mesh_that_had_it() {
+fn a_body_without_mass_names_the_geom_that_had_it() {
     let lost = "body \"b\": moves, but has no mass or no inertia: what has it was left out (line 2: geom \"v\")";
-    let geom = "\n<geom name='v' type='mesh' mesh='m'/>";
+    let geom = "\n<geom name='v' type='hfield'/>";
     for content in [geom.to_string(), format!("<body>{geom}</body>"), format!("<frame>{geom}</frame>")] {
         let spec = lenient(&world(&format!("<body name='b'><joint/>{content}</body>")));
         let problem = Model::from_spec(&spec).expect_err("no mass").to_string();

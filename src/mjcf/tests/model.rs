@@ -147,9 +147,9 @@ fn overrides() {
 #[test]
 fn losses() {
     let text = with_joint(
-        "<asset><mesh name='m' file='m.stl'/></asset><tendon><fixed name='t' stiffness='1'/></tendon><sensor><clock/></sensor>\
+        "<tendon><fixed name='t' stiffness='1'/></tendon><sensor><clock/></sensor>\
          <actuator><motor name='a' tendon='t'/><motor name='b' joint='j'/></actuator>\
-         <worldbody><geom name='v' type='mesh' mesh='m'/><camera/><light/></worldbody>\
+         <worldbody><geom name='v' type='hfield'/><camera/><light/></worldbody>\
          <contact><pair geom1='v' geom2='g'/></contact><keyframe><key ctrl='1 2' act='3'/></keyframe>",
     );
     let spec = lenient(&text);
@@ -158,7 +158,7 @@ fn losses() {
         [
             "line 1: fixed \"t\": tendons are not supported, left out",
             "line 1: motor \"a\": transmission through a tendon is not supported, left out",
-            "line 1: geom \"v\": meshes are not supported, left out with its contacts",
+            "line 1: geom \"v\": height fields are not supported, left out with its contacts",
             "line 1: pair: geom \"v\" was left out, and so is this pair",
             "line 1: key: act left out with the actuators that it belongs to",
         ]
@@ -167,11 +167,7 @@ fn losses() {
     assert_eq!(spec.keys[0].ctrl, Some(vec![2.0]));
     assert_eq!(
         spec.notes,
-        [
-            "line 1: 1 sensors are not built: there is no sensordata",
-            "line 1: 1 meshes are not read",
-            "1 cameras and 1 lights have no effect",
-        ]
+        ["line 1: 1 sensors are not built: there is no sensordata", "1 cameras and 1 lights have no effect",]
     );
     rejects(&text, "1: fixed \"t\": tendons are not supported (a lenient load leaves it out)");
 }

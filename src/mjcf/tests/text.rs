@@ -130,14 +130,14 @@ fn hostile_sizes() {
 
 #[test]
 fn includes_from_memory() {
-    let files = |list: &[(&str, &str)]| -> BTreeMap<String, String> {
-        list.iter().map(|&(name, text)| (name.to_string(), text.to_string())).collect()
+    let files = |list: &[(&str, &str)]| -> BTreeMap<String, Vec<u8>> {
+        list.iter().map(|&(name, text)| (name.to_string(), text.as_bytes().to_vec())).collect()
     };
     let given = files(&[
         ("a.xml", "<x>\n<geom size='.2'/><include file='b.xml'/></x>"),
         ("b.xml", "<mujocoinclude><geom size='.3' mas='1'/></mujocoinclude>"),
     ]);
-    let read = |text: &str, files: &BTreeMap<String, String>| parse_with_files(text, files, &LoadOptions::default());
+    let read = |text: &str, files: &BTreeMap<String, Vec<u8>>| parse_with_files(text, files, &LoadOptions::default());
     let text = world("<geom size='.1'/><include file='a.xml'/><geom size='.4'/>");
     let problem = read(&text, &given).expect_err("bad").to_string();
     assert_eq!(problem, "b.xml:1: geom: unknown attribute \"mas\" (did you mean \"mass\"?)");

@@ -65,7 +65,7 @@ fn prefixes_on_the_root() {
         &world("<xacro:property name='a'/>"),
         "1: element \"xacro:property\": MJCF has no prefixes (expand macros first, or remove it)",
     );
-    let given = BTreeMap::from([("a.xml".to_string(), "<x xmlns:xsi='u' xsi:a='b'><geom size='2'/></x>".to_string())]);
+    let given = BTreeMap::from([("a.xml".to_string(), "<x xmlns:xsi='u' xsi:a='b'><geom size='2'/></x>".into())]);
     parse_with_files(&world("<include file='a.xml'/>"), &given, &LoadOptions::default()).expect("good");
 }
 
@@ -105,7 +105,7 @@ fn backslashes_in_paths() {
     assert_eq!(folder.load("main.xml").bodies[0].geoms[0].size[0], 7.0);
     let text = std::str::from_utf8(main).expect("text");
     for name in ["parts/arm.xml", "parts\\arm.xml", "arm.xml"] {
-        let given = BTreeMap::from([(name.to_string(), "<mujoco><geom size='7'/></mujoco>".to_string())]);
+        let given = BTreeMap::from([(name.to_string(), "<mujoco><geom size='7'/></mujoco>".into())]);
         parse_with_files(text, &given, &LoadOptions::default()).unwrap_or_else(|problems| panic!("{name}: {problems}"));
     }
 }

@@ -1,0 +1,200 @@
+//! Meshes: where their geoms' frames are, what these weigh, and the hulls that collide.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
+
+use glam::{DMat3, DQuat, DVec3};
+use lanesim_kernels::model::{Hull, NONE};
+
+use super::inertia::principal;
+use super::names::label;
+use super::pose::{Pose, unit_quat};
+use crate::diagnostics::{Diagnostics, quoted};
+use crate::mesh::{self, Triangles};
+use crate::spec::{Geom, GeomMass, Mesh, MeshInertia, Shape, Spec};
+use crate::suggest::did_you_mean;
+
+/// Tolerance of principal axes, MuJoCo's for meshes: what is symmetric but for rounding keeps the axes of its file.
+const AXES: f64 = 1e-7;
+const NO_HULL: &str = "has no convex hull: its vertices lie in a plane, or nearly so";
+
+/// A mesh about its centre of mass, along its principal axes.
+struct Solid {
+    /// The frame of centre and axes in the mesh's own.
+    frame: Pose,
+    /// Volume, or area.
+    volume: f64,
+    /// Principal moments at a density of one.
+    moments: DVec3,
+    /// The corners of the box along the axes that holds it.
+    bounds: [DVec3; 2],
+    /// In that frame, rounded to single precision as MuJoCo does.
+    vertices: Vec<DVec3>,
+    maxhullvert: Option<usize>,
+}
+
+/// The meshes that geoms have, by name.
+#[derive(Default)]
+pub(crate) struct Meshes(BTreeMap<String, Solid>);
+
+/// The model with its meshes' geoms where they are: position and orientation are those of their centres, sizes those of boxes
+/// that hold them, and what they weigh is known; shapes fitted to a mesh are as any other.
+pub(crate) fn place<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics) -> (Cow<'a, Spec>, Meshes) {
+    let mut meshes = Meshes::default();
+    if !spec.bodies.iter().flat_map(|body| &body.geoms).any(|geom| !geom.mesh.is_empty()) {
+        return (Cow::Borrowed(spec), meshes);
+    }
+    let mut placed = spec.clone();
+    let by_name: HashMap<&str, (usize, &Mesh)> =
+        spec.meshes.iter().enumerate().map(|(m, mesh)| (mesh.name.as_str(), (m, mesh))).collect();
+    let geoms = placed.bodies.iter_mut().flat_map(|body| &mut body.geoms);
+    for (g, geom) in geoms.enumerate().filter(|(_, geom)| !geom.mesh.is_empty()) {
+        let Some((m, mesh)) = by_name.get(geom.mesh.as_str()) else {
+            let near = did_you_mean(&geom.mesh, spec.meshes.iter().map(|mesh| mesh.name.as_str()));
+            let message = format!("mesh names an unknown mesh {}", quoted(&geom.mesh));
+            diagnostics.push(&geom.source, label("geom", &geom.name, g), message, near);
+            continue;
+        };
+        if !meshes.0.contains_key(&geom.mesh) {
+            match Solid::new(mesh) {
+                Ok(solid) => drop(meshes.0.insert(geom.mesh.clone(), solid)),
+                Err(message) => {
+                    let before = diagnostics.0.iter().any(|d| d.element == label("mesh", &mesh.name, *m));
+                    if !before {
+                        diagnostics.push(&mesh.source, label("mesh", &mesh.name, *m), message, "");
+                    }
+                    continue;
+                }
+            }
+        }
+        if geom.shape == Shape::Mesh && geom.shellinertia {
+            let remedy = "set inertia=\"shell\" of the mesh";
+            diagnostics.push(
+                &geom.source,
+                label("geom", &geom.name, g),
+                "a mesh geom cannot have shellinertia",
+                remedy,
+            );
+        }
+        meshes.0[&geom.mesh].place(geom, spec.compiler.fitaabb);
+    }
+    (Cow::Owned(placed), meshes)
+}
+
+impl Solid {
+    fn new(mesh: &Mesh) -> Result<Solid, String> {
+        if let Some(problem) = mesh.triangles.problem() {
+            return Err(problem);
+        }
+        let (refpos, turn) = (DVec3::from(mesh.refpos), unit_quat(mesh.refquat).conjugate());
+        let scale = DVec3::from(mesh.scale);
+        if !(refpos.is_finite() && turn.is_finite() && scale.is_finite()) || scale.min_element() == 0.0 {
+            return Err("refpos, refquat and scale must be finite, and no scale 0".into());
+        }
+        let vertices: Vec<DVec3> = mesh.triangles.vertices.iter().map(|p| (turn * (*p - refpos)) * scale).collect();
+        let mirrored = scale.x * scale.y * scale.z < 0.0;
+        let faces = mesh.triangles.faces.iter().map(|[a, b, c]| if mirrored { [*a, *c, *b] } else { [*a, *b, *c] });
+        let own = Triangles { faces: faces.collect(), vertices };
+        let hull = || mesh::hull(&own.vertices, None).map_err(|_| NO_HULL.to_string());
+        let bulk = if own.faces.is_empty() || mesh.inertia == MeshInertia::Convex {
+            mesh::bulk(&hull()?, mesh.inertia)?
+        } else {
+            mesh::bulk(&own, mesh.inertia)?
+        };
+        let (moments, quat) = principal(bulk.inertia, AXES);
+        let frame = Pose { pos: bulk.centre, quat };
+        let inward = DMat3::from_quat(quat).transpose();
+        let centred = |p: &DVec3| inward * (*p - bulk.centre);
+        let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let bounds = own.vertices.iter().map(centred).fold(start, |[low, high], p| [low.min(p), high.max(p)]);
+        let round = |p: &DVec3| centred(p).as_vec3().as_dvec3();
+        Ok(Solid {
+            frame,
+            volume: bulk.volume,
+            moments,
+            bounds,
+            vertices: own.vertices.iter().map(round).collect(),
+            maxhullvert: mesh.maxhullvert,
+        })
+    }
+
+    /// Half sizes of the box of the same inertia.
+    fn inertia_box(&self) -> DVec3 {
+        let [a, b, c] = self.moments.to_array();
+        let half = |sum: f64| (1.5 * sum / self.volume).max(0.0).sqrt();
+        DVec3::new(half(b + c - a), half(a + c - b), half(a + b - c))
+    }
+
+    fn place(&self, geom: &mut Geom, aabb: bool) {
+        let [low, high] = self.bounds;
+        let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+        let own = Pose::new(geom.pos, geom.quat);
+        let mut frame = self.frame;
+        if geom.shape == Shape::Mesh {
+            geom.size = (middle.abs() + half).to_array();
+            let mass = match geom.mass {
+                GeomMass::Density(density) => density * self.volume,
+                GeomMass::Mass(mass) | GeomMass::Solid { mass, .. } => mass,
+            };
+            geom.mass = GeomMass::Solid { mass, moments: (self.moments * (mass / self.volume)).to_array() };
+        } else {
+            let fitted = if aabb { half } else { self.inertia_box() };
+            frame = if aabb { frame.then(&Pose { pos: middle, quat: DQuat::IDENTITY }) } else { frame };
+            geom.size = fit(geom.shape, fitted.to_array(), aabb).map(|size| size * geom.fitscale);
+        }
+        let pose = own.then(&frame);
+        (geom.pos, geom.quat) = (pose.pos.to_array(), pose.wxyz());
+    }
+}
+
+/// Sizes of a shape fitted to a box: within it, or of about its volume.
+fn fit(shape: Shape, [a, b, c]: [f64; 3], aabb: bool) -> [f64; 3] {
+    let round = if aabb { a.max(b) } else { 0.5 * (a + b) };
+    match shape {
+        Shape::Sphere if aabb => [a.max(b).max(c), 0.0, 0.0],
+        Shape::Sphere => [(a + b + c) / 3.0, 0.0, 0.0],
+        Shape::Capsule if aabb => [round, (c - round).max(0.0), 0.0],
+        Shape::Capsule => [round, (c - 0.5 * round).max(0.0), 0.0],
+        Shape::Cylinder => [round, c, 0.0],
+        _ => [a, b, c],
+    }
+}
+
+/// Hulls of the meshes that collide, each once.
+pub(crate) struct Hulls<'a> {
+    meshes: &'a Meshes,
+    places: HashMap<&'a str, u32>,
+    pub hulls: Vec<Hull>,
+}
+
+impl<'a> Hulls<'a> {
+    pub fn new(meshes: &'a Meshes) -> Self {
+        Hulls { meshes, places: HashMap::new(), hulls: Vec::new() }
+    }
+
+    /// The place of a geom's hull, or [`NONE`] if it has none.
+    pub fn of(&mut self, geom: &'a Geom, id: usize, diagnostics: &mut Diagnostics) -> u32 {
+        let Some(solid) = self.meshes.0.get(&geom.mesh).filter(|_| geom.shape == Shape::Mesh) else { return NONE };
+        if let Some(place) = self.places.get(geom.mesh.as_str()) {
+            return *place;
+        }
+        let place = match mesh::hull(&solid.vertices, solid.maxhullvert) {
+            Ok(hull) => {
+                self.hulls.push(hull.outline());
+                self.hulls.len() as u32 - 1
+            }
+            Err(mesh::Refused) => {
+                let message = format!("its mesh {} {NO_HULL}", quoted(&geom.mesh));
+                diagnostics.push(
+                    &geom.source,
+                    label("geom", &geom.name, id),
+                    message,
+                    "set contype and conaffinity to 0",
+                );
+                NONE
+            }
+        };
+        self.places.insert(&geom.mesh, place);
+        place
+    }
+}

@@ -1,0 +1,150 @@
+//! Convex hulls, by parry, and what a collider wants to know of them.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use lanesim_kernels::model::{Hull, HullFace};
+use parry3d_f64::transformation::try_convex_hull;
+
+use super::Triangles;
+
+/// Sine of the angle between triangles up to which they are one face.
+const FLAT: f64 = 1e-5;
+/// A hull of less thickness, relative to its extent, is flat.
+const THIN: f64 = 1e-9;
+/// Fewest vertices of a hull.
+const FEWEST: usize = 4;
+
+/// Why a mesh has no hull.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Refused;
+
+/// The convex hull of some vertices, of `most` vertices at most.
+pub(crate) fn hull(vertices: &[DVec3], most: Option<usize>) -> Result<Triangles, Refused> {
+    let mut all = whole(vertices)?;
+    if let Some(most) = most.filter(|most| all.vertices.len() > *most) {
+        all = simplified(&all.vertices, most.max(FEWEST))?;
+    }
+    Ok(all)
+}
+
+fn whole(vertices: &[DVec3]) -> Result<Triangles, Refused> {
+    let (vertices, faces) = try_convex_hull(vertices).map_err(|_| Refused)?;
+    let hull = Triangles { vertices, faces };
+    if hull.faces.len() < 4 || hull.problem().is_some() || hull.is_flat() { Err(Refused) } else { Ok(hull) }
+}
+
+/// The hull of some of the vertices: each is the one farthest from the hull of those before.
+fn simplified(vertices: &[DVec3], most: usize) -> Result<Triangles, Refused> {
+    let farthest = |value: &dyn Fn(DVec3) -> f64| {
+        let better = |best: DVec3, next: &DVec3| if value(*next) > value(best) { *next } else { best };
+        vertices.iter().fold(vertices[0], better)
+    };
+    let first = farthest(&|p| p.x);
+    let second = farthest(&|p| p.distance_squared(first));
+    let line = second - first;
+    let third = farthest(&|p| line.cross(p - first).length_squared());
+    let normal = line.cross(third - first);
+    let fourth = farthest(&|p| normal.dot(p - first).abs());
+    let mut chosen = vec![first, second, third, fourth];
+    let mut hull = whole(&chosen)?;
+    while chosen.len() < most {
+        let planes: Vec<(DVec3, f64)> = hull.faces.iter().map(|face| plane(hull.corners(*face))).collect();
+        let beyond = |p: DVec3| planes.iter().map(|(n, d)| n.dot(p) - d).fold(f64::NEG_INFINITY, f64::max);
+        let next = farthest(&beyond);
+        if beyond(next) <= 0.0 {
+            break;
+        }
+        chosen.push(next);
+        hull = whole(&chosen)?;
+    }
+    Ok(hull)
+}
+
+fn plane([a, b, c]: [DVec3; 3]) -> (DVec3, f64) {
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    (normal, normal.dot(a))
+}
+
+impl Triangles {
+    /// Whether a hull has no thickness, but for rounding.
+    fn is_flat(&self) -> bool {
+        let from = self.vertices[0];
+        let extent = self.vertices.iter().map(|p| p.distance(from)).fold(0.0, f64::max);
+        let volume: f64 = self
+            .faces
+            .iter()
+            .map(|face| self.corners(*face).map(|p| p - from))
+            .map(|[a, b, c]| a.dot(b.cross(c)))
+            .sum();
+        volume <= THIN * extent.powi(3)
+    }
+
+    /// A hull as colliders see it: vertices with their neighbours, and flat faces.
+    pub(crate) fn outline(&self) -> Hull {
+        let faces = self.flat_faces();
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.vertices.len()];
+        for [a, b, c] in &self.faces {
+            // Every edge belongs to two triangles, once in either direction.
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                neighbours[*from as usize].push(*to);
+            }
+        }
+        Hull::new(self.vertices.iter().map(|p| p.to_array()).collect(), &neighbours, faces)
+    }
+
+    /// Triangles in one plane are one face.
+    fn flat_faces(&self) -> Vec<HullFace> {
+        let planes: Vec<(DVec3, f64)> = self.faces.iter().map(|face| plane(self.corners(*face))).collect();
+        let edges = |f: usize| {
+            let [a, b, c] = self.faces[f];
+            [(a, b), (b, c), (c, a)]
+        };
+        let across: BTreeMap<(u32, u32), usize> =
+            (0..self.faces.len()).flat_map(|f| edges(f).map(|edge| (edge, f))).collect();
+        let beyond = |(from, to): (u32, u32)| across.get(&(to, from)).copied();
+        // Of every triangle the face that it belongs to.
+        let mut face_of: Vec<Option<usize>> = vec![None; self.faces.len()];
+        let mut out = Vec::new();
+        for start in 0..self.faces.len() {
+            let (normal, _) = planes[start];
+            if face_of[start].is_some() || normal == DVec3::ZERO {
+                continue;
+            }
+            let flat = |f: usize| {
+                let (other, _) = planes[f];
+                other == DVec3::ZERO || (other.cross(normal).length() <= FLAT && other.dot(normal) > 0.0)
+            };
+            let (mut members, mut next) = (vec![start], 0);
+            face_of[start] = Some(start);
+            while let Some(f) = members.get(next).copied() {
+                next += 1;
+                for other in edges(f).into_iter().filter_map(beyond).filter(|other| flat(*other)) {
+                    if face_of[other].is_none() {
+                        face_of[other] = Some(start);
+                        members.push(other);
+                    }
+                }
+            }
+            let inner = |edge: (u32, u32)| beyond(edge).is_some_and(|other| face_of[other] == Some(start));
+            let rim = members.iter().flat_map(|f| edges(*f)).filter(|edge| !inner(*edge)).collect();
+            out.extend(walk(&rim).map(|corners| HullFace { normal: normal.to_array(), corners }));
+        }
+        out
+    }
+}
+
+/// The vertices of a rim in their order; `None` unless it is one round.
+fn walk(rim: &BTreeMap<u32, u32>) -> Option<Vec<u32>> {
+    let first = *rim.keys().next()?;
+    let mut corners = vec![first];
+    let mut at = *rim.get(&first)?;
+    while at != first {
+        if corners.len() > rim.len() {
+            return None;
+        }
+        corners.push(at);
+        at = *rim.get(&at)?;
+    }
+    Some(corners)
+}
