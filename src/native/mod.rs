@@ -125,7 +125,8 @@ impl<L: Block> Executor<L> for Native<L::Float> {
             kinds.add(items.map(|item| *item.starts(model, width).first_chunk().expect("more columns")));
             return session.run_each(call, masks, kinds.list(0)).expect(BOUND);
         }
-        (windows.clear(), worlds.clear());
+        windows.clear();
+        worlds.clear();
         windows.add(items.map(|item| {
             worlds.push(item.worlds() & given);
             item.starts(model, width)

@@ -55,8 +55,11 @@ impl Places {
         let Places { starts, kinds, present, lanes, extents, list, apart, .. } = self;
         starts.clear();
         starts.extend(rows.iter().map(|row| Item::Row(row).starts(model, L::WIDTH)));
-        (kinds.clear(), list.clear());
-        (lanes.clear(), extents.clear(), present.clear());
+        kinds.clear();
+        list.clear();
+        lanes.clear();
+        extents.clear();
+        present.clear();
         self.open = None;
         *apart = constraint.coupled && rows.iter().any(|row| row.sides == Sides::Apart);
         for kind in 0..self.count {

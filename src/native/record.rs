@@ -163,7 +163,7 @@ pub fn record<T: Float>(part: Part, item: &Item<'_>, subject: &Subject<'_, T>) -
     let changes = part.changes(tables);
     step.lend_all(&mut |field, name, lanes| {
         let changed = |change: &&str| *change == name[0] || change.split_once('.') == Some((name[0], name[1]));
-        if let (Lanes::Write(lanes), true) = (lanes, changes.iter().any(|change| changed(&change))) {
+        if let (Lanes::Write(lanes), true) = (lanes, changes.iter().any(changed)) {
             binder.output(field, name, lanes);
         }
     });

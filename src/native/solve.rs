@@ -25,7 +25,10 @@ enum Factor {
     Full,
 }
 
-/// The parts of a solve.
+/// Code where nothing varies, and as it is.
+type Codes<'a, T> = (&'a Arc<ModelCode<T>>, &'a Arc<ModelCode<T>>);
+
+/// Parts for contacts and for a solve.
 pub struct Solve<'a, L: Block> {
     root: &'a Arc<ModelCode<L::Float>>,
     code: &'a Arc<ModelCode<L::Float>>,
@@ -48,7 +51,7 @@ pub struct Solve<'a, L: Block> {
 impl<'a, L: Block> Solve<'a, L> {
     /// Lends the fields; `None` unless all parts that the solve needs have code.
     pub fn new(
-        (root, code): (&'a Arc<ModelCode<L::Float>>, &'a Arc<ModelCode<L::Float>>),
+        (root, code): Codes<'a, L::Float>,
         (scratch, places, found): (&'a mut Scratch, &'a mut Places, &'a mut Found),
         step: &'a mut Step<'_, L>,
     ) -> Option<Self> {
@@ -82,7 +85,7 @@ impl<'a, L: Block> Solve<'a, L> {
     /// Lends the fields of a set; nothing joins branches.
     pub fn on(
         set: Threes,
-        (root, code): (&'a Arc<ModelCode<L::Float>>, &'a Arc<ModelCode<L::Float>>),
+        (root, code): Codes<'a, L::Float>,
         (scratch, places, found): (&'a mut Scratch, &'a mut Places, &'a mut Found),
         step: &'a mut Step<'_, L>,
     ) -> Self {
@@ -123,12 +126,7 @@ impl<'a, L: Block> Solve<'a, L> {
 
 /// Makes a part ready.
 #[cold]
-fn bind<T: Float>(
-    (root, code): (&Arc<ModelCode<T>>, &Arc<ModelCode<T>>),
-    session: &mut Session<'_, T>,
-    part: Part,
-    call: usize,
-) {
+fn bind<T: Float>((root, code): Codes<'_, T>, session: &mut Session<'_, T>, part: Part, call: usize) {
     let pattern = call.checked_sub(code.common.count()).map(|of_pattern| of_pattern / 2);
     let coded: &Coded<_> = match pattern {
         Some(place) => code.patterns.get(code, place, part),
@@ -148,7 +146,7 @@ fn joins<T>(tables: &Tables<T>, row: &ContactRow, acting: u32) -> bool {
 
 /// A pattern with code that has room for the contacts that act in some world of `acting`.
 fn pattern<T: Float>(
-    (root, code): (&Arc<ModelCode<T>>, &Arc<ModelCode<T>>),
+    (root, code): Codes<'_, T>,
     found: &mut Found,
     (rows, joining): (&[ContactRow], u32),
     acting: u32,
@@ -210,10 +208,10 @@ impl<L: Block> Parts for Solve<'_, L> {
     }
 
     fn fill(&mut self, acting: u32) -> bool {
-        if let Some((known, filled)) = self.chosen {
-            if known == acting {
-                return filled;
-            }
+        if let Some((known, filled)) = self.chosen
+            && known == acting
+        {
+            return filled;
         }
         let Solve { root, code, rows, found, factor, whole, joining, cross, .. } = self;
         if !*cross {

@@ -103,7 +103,7 @@ impl<L: LaneQuery> Scene<L> {
         let zero = L::Real::from_f64(0.0);
         self.step(tables, false).lend_all(&mut |_, name, lanes| {
             let changed = |change: &&str| *change == name[0] || **change == format!("{}.{}", name[0], name[1]);
-            if let (Lanes::Write(lanes), true) = (lanes, changes.iter().any(|change| changed(&change))) {
+            if let (Lanes::Write(lanes), true) = (lanes, changes.iter().any(changed)) {
                 let bits = |x: &L| {
                     let x = x.get(lane);
                     x.to_f64().is_finite().then(|| (x + zero).bits())
@@ -211,9 +211,9 @@ fn run<L: LaneQuery>(
 }
 
 /// Holds the parts of a model against each other; returns how many had code.
-fn check<T: Float>(name: &str, tables: &Arc<Tables<T>>, isa: InstructionSet) -> usize
+fn check<T>(name: &str, tables: &Arc<Tables<T>>, isa: InstructionSet) -> usize
 where
-    T: LaneQuery<Real = T>,
+    T: Float + LaneQuery<Real = T>,
 {
     let code = Codes::<T>::default().get(tables, Some(isa)).expect("code");
     let mut native = Native::new(code.clone());
@@ -262,9 +262,9 @@ where
     count
 }
 
-fn check_all<T: Float>(tables: fn(&Model) -> &Arc<Tables<T>>)
+fn check_all<T>(tables: fn(&Model) -> &Arc<Tables<T>>)
 where
-    T: LaneQuery<Real = T>,
+    T: Float + LaneQuery<Real = T>,
 {
     let sets = [InstructionSet::Avx512, InstructionSet::Avx2].into_iter().filter(|isa| isa.check().is_ok());
     let mut count = 0;

@@ -4,7 +4,7 @@ use super::solver::Outcome;
 use crate::lane::{Lane, LaneQuery};
 use crate::options;
 use crate::part::Step;
-use crate::solver::{self, Anderson, noslip, pgs};
+use crate::solver::{self, noslip, pgs};
 
 /// What turns an improvement of the cost into MuJoCo's measure.
 fn scale<L: Lane>(step: &Step<'_, L>) -> L {
@@ -20,7 +20,7 @@ pub fn sweeps<L: LaneQuery>(step: &mut Step<'_, L>, open: u32) -> Outcome<L> {
     pgs::start(&problem, warmstart, work);
     let mut open = L::mask_of(open);
     let (mut niter, mut rounds) = (L::zero(), 0);
-    let mut past = std::mem::replace(&mut work.past, Anderson::new());
+    let mut past = std::mem::take(&mut work.past);
     past.begin(&problem, work);
     while L::any(open) && rounds < options.iterations {
         rounds += 1;

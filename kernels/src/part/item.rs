@@ -120,7 +120,7 @@ impl Item<'_> {
                     let side = |second: bool| {
                         let mut all = dofs.iter().filter(|entry| entry.second == second).map(|entry| entry.dof);
                         let first = all.next()?;
-                        Some(width * (all.last().unwrap_or(first) + 1 - first) as usize)
+                        Some(width * (all.next_back().unwrap_or(first) + 1 - first) as usize)
                     };
                     let windows = columns.into_iter().zip([false, true].map(side));
                     windows.filter_map(|(column, len)| Some((column, len?))).collect()

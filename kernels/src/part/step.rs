@@ -176,7 +176,7 @@ impl<F> Lender<'_, F> {
     where
         F: FnMut(usize, Name, Lanes<'b, L>),
     {
-        if self.place % 3 == 0 {
+        if self.place.is_multiple_of(3) {
             self.wanted = self.set.has(self.group, self.place / 3);
         }
         if self.wanted {

@@ -49,6 +49,12 @@ fn room_of(len: usize) -> [usize; 2] {
     [len, MEMORY * len].map(|n| n.min(1 << 20))
 }
 
+impl<L: Lane> Default for Anderson<L> {
+    fn default() -> Self {
+        Anderson::new()
+    }
+}
+
 impl<L: Lane> Anderson<L> {
     /// Knows nothing, and has no room.
     pub fn new() -> Self {
