@@ -25,15 +25,7 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
             out.push(Unbuilt { element, attribute, what, remedy, instead, reset });
         }
     };
-    let (fluid, none) = ("fluid forces are", "remove it");
-    let left_out = "left out";
-    let (density, viscosity) = (o.density, o.viscosity);
-    add(density != 0.0, "option", "density", format!("density {density}: {fluid}"), none, left_out, |o| {
-        o.density = 0.0
-    });
-    add(viscosity != 0.0, "option", "viscosity", format!("viscosity {viscosity}: {fluid}"), none, left_out, |o| {
-        o.viscosity = 0.0;
-    });
+    let (none, left_out) = ("remove it", "left out");
     let integrator = format!("integrator {} is", o.integrator);
     let euler = "set integrator=\"Euler\"";
     add(

@@ -219,7 +219,7 @@ pub fn smooth<L: Lane>(
         end(Stage::Velocity);
     }
     if runs(Stage::Passive) {
-        passive::passive(model, position, &state.qpos, &state.qvel, passive);
+        passive::passive(model, (position, velocity), &state.qpos, &state.qvel, passive);
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {

@@ -47,7 +47,9 @@ impl Stage {
         use Stage::{Acceleration, Actuation, Collision, Constraint, Inertia, Passive, Position, Solver, Velocity};
         match self {
             Position => &[],
-            Inertia | Collision | Passive => &[Position],
+            Inertia | Collision => &[Position],
+            // A medium resists velocities of links.
+            Passive => &[Position, Velocity],
             Velocity | Stage::Energy => &[Position, Inertia],
             Constraint => &[Position, Collision, Velocity],
             Actuation => &[Passive],

@@ -184,6 +184,9 @@ impl Parameter {
             }
             _ if !self.weighs() => Ok(()),
             _ if model.tables().links.is_empty() => refuse("no body moves"),
+            Parameter::BodyMass | Parameter::BodyInertia if model.tables().features.fluid => {
+                refuse("the medium's forces follow from masses and inertias, and would be stale")
+            }
             _ if model.basis().damping_ratios && !others.contains(&Parameter::ActuatorBiasprm) => {
                 refuse("dampratio derives biases from inertias, which would be stale; set actuator_biasprm first")
             }

@@ -15,7 +15,7 @@ use crate::lane::Lane;
 use crate::math::{ldl, lu};
 use crate::model::{DofKind, Instance, Model, NONE};
 use crate::options::Integrator;
-use crate::passive::damper_slope;
+use crate::passive::{damper_slope, fluid};
 use crate::position::Position;
 use crate::state::State;
 use crate::velocity::Velocity;
@@ -90,6 +90,7 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
             *diagonal = h.mul_add(damper_slope(model, i, state.qvel[i]), *diagonal);
         }
     }
+    fluid::add_slope(&model, stages.position, stages.velocity, h, &mut out.lower);
     if model.features.actuation {
         actuators::add(model, state, stages.actuation, h, &mut out.lower);
     }

@@ -17,16 +17,6 @@ fn options_that_are_not_built() {
     let with = |option: &str| format!("<mujoco>\n<option {option}/><worldbody/></mujoco>");
     let goes = "; a lenient load goes without";
     option(
-        &with("density='1000'"),
-        &format!("2: option: density 1000: fluid forces are not supported (remove it{goes})"),
-        "line 2: option: density 1000: fluid forces are not supported, left out",
-    );
-    option(
-        &with("viscosity='0.001' wind='1 0 0'"),
-        &format!("2: option: viscosity 0.001: fluid forces are not supported (remove it{goes})"),
-        "line 2: option: viscosity 0.001: fluid forces are not supported, left out",
-    );
-    option(
         &with("integrator='discrete'"),
         &format!("2: option: integrator discrete is not supported (set integrator=\"Euler\"{goes})"),
         "line 2: option: integrator discrete is not supported, Euler is used instead",
