@@ -14,6 +14,7 @@ use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
 use crate::error::Error;
+use crate::field::{Field, Home};
 use crate::group;
 use crate::memory;
 use crate::model::{Key, Model};
@@ -26,7 +27,7 @@ use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
 use crate::status::First;
 use crate::store::Store;
-use crate::worlds::{Field, Options, Tables};
+use crate::worlds::{Options, Tables};
 
 pub(crate) use crew::WorkerCode;
 use crew::{Crew, Job, Seat, Worker};
@@ -220,9 +221,9 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn ask_for_forces(&self, field: Field, nworld: usize) -> Result<(), Error> {
-        match field {
-            Field::QfrcApplied | Field::XfrcApplied => self.store.ask_for_forces(&self.crew.tables.sizes, nworld),
-            _ => Ok(()),
+        match field.home() {
+            Home::Applied(_) => self.store.ask_for_forces(&self.crew.tables.sizes, nworld),
+            Home::State(_) => Ok(()),
         }
     }
 

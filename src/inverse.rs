@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use lanesim_kernels::inverse::invertible;
 
 use crate::error::Error;
+use crate::field::Field;
 use crate::memory;
 use crate::model::Model;
 use crate::npz::{Array, Data};
 use crate::rows::{Rows, Strided, Values};
 use crate::suggest;
-use crate::worlds::{Field, Options, Worlds, check_fit};
+use crate::worlds::{Options, Worlds, check_fit};
 
 /// Worlds that are inverted at once.
 const MOST: usize = 1 << 14;

@@ -54,6 +54,7 @@ pub mod convex;
 pub mod diagnostics;
 pub mod error;
 pub mod eval;
+mod field;
 mod group;
 pub mod inverse;
 pub mod memory;
@@ -80,6 +81,7 @@ pub mod worlds;
 pub use compile::compile;
 pub use diagnostics::{Diagnostic, Diagnostics};
 pub use error::Error;
+pub use field::Field;
 pub use model::Model;
 pub use parameters::Parameter;
 pub use plan::Plan;
@@ -87,7 +89,7 @@ pub use rollout::{Controls, Rollout, Trajectories};
 pub use spec::Spec;
 pub use status::{OnDiverge, StatusEvent};
 pub use subset::Reading;
-pub use worlds::{Backend, CodePart, Field, Options, Precision, Running, Worlds};
+pub use worlds::{Backend, CodePart, Options, Precision, Running, Worlds};
 
 pub use lanesim_codegen::{InstructionSet, Statistics as CodeStatistics, prepare as prepare_to_fork};
 

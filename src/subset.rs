@@ -5,11 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::batch::Engine;
 use crate::error::Error;
+use crate::field::Field;
 use crate::model::Model;
 use crate::outputs::Output;
 use crate::rollout::Rollout;
 use crate::rows::{Rows, Strided};
-use crate::worlds::{Field, Worlds, check_fit, key_state};
+use crate::worlds::{Worlds, check_fit, key_state};
 
 /// What to read of the present states.
 #[derive(Clone, Copy, Debug, Default)]
@@ -83,7 +84,7 @@ impl Worlds {
     /// If arrays do not fit, there is no such world, or no memory for lists.
     pub fn read(&mut self, reading: &Reading<'_>, rows: Vec<Rows<'_>>) -> Result<(), Error> {
         let Reading { names, ids, cancel } = *reading;
-        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>()?;
+        let outputs = names.iter().map(|name| self.model.output(name)).collect::<Result<Vec<_>, _>>()?;
         let nworld = self.count(ids)?;
         self.check_rows(&outputs, &rows, (nworld, 1))?;
         if rows.iter().any(|rows| matches!(rows, Rows::Lists(_))) {

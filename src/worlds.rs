@@ -11,6 +11,7 @@ use wide::{f32x16, f64x8};
 
 use crate::batch::{Batch, Engine, WorkerCode};
 use crate::error::Error;
+pub use crate::field::Field;
 use crate::memory;
 use crate::model::{Key, Model};
 use crate::native::{ModelCode, Native};
@@ -152,66 +153,6 @@ fn worker_code<T: Float>(code: Option<Arc<ModelCode<T>>>) -> impl Fn() -> Worker
     move || match &code {
         Some(code) => Box::new(Native::new(code.clone())),
         None => kernels(),
-    }
-}
-
-/// A part of a world's state, or a force from outside.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Field {
-    /// Time, s: 1 number.
-    Time,
-    /// Positions: `nq`.
-    Qpos,
-    /// Velocities: `nv`.
-    Qvel,
-    /// Activations: `na`.
-    Act,
-    /// Controls: `nu`.
-    Ctrl,
-    /// Start of the solver, what constraints added to the smooth acceleration in the last step: `nv`.
-    QaccWarmstart,
-    /// Whether each equality constraint is active: `neq`, 1 or 0.
-    EqActive,
-    /// Generalised forces from outside: `nv`.
-    QfrcApplied,
-    /// Forces and torques on bodies from outside: `nbody` × (force, torque), world axes, at the centre of mass.
-    XfrcApplied,
-}
-
-impl Field {
-    /// What makes up a row of the output `state`, in its order: MuJoCo's `mjSTATE_FULLPHYSICS`.
-    pub const STATE: [Field; 4] = [Field::Time, Field::Qpos, Field::Qvel, Field::Act];
-
-    /// All fields, with MuJoCo's names.
-    pub const ALL: [(Field, &'static str); 9] = [
-        (Field::Time, "time"),
-        (Field::Qpos, "qpos"),
-        (Field::Qvel, "qvel"),
-        (Field::Act, "act"),
-        (Field::Ctrl, "ctrl"),
-        (Field::QaccWarmstart, "qacc_warmstart"),
-        (Field::EqActive, "eq_active"),
-        (Field::QfrcApplied, "qfrc_applied"),
-        (Field::XfrcApplied, "xfrc_applied"),
-    ];
-
-    /// MuJoCo's name.
-    pub fn name(self) -> &'static str {
-        Self::ALL[self as usize].1
-    }
-
-    /// Numbers per world.
-    pub fn len(self, model: &Model) -> usize {
-        let sizes = &model.tables().sizes;
-        match self {
-            Field::Time => 1,
-            Field::Qpos => sizes.nq,
-            Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => sizes.nv,
-            Field::Act => sizes.na,
-            Field::Ctrl => sizes.nu,
-            Field::EqActive => sizes.neq,
-            Field::XfrcApplied => 6 * sizes.nbody,
-        }
     }
 }
 

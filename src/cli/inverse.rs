@@ -64,7 +64,7 @@ impl Inverse {
         let nv = size(model, "nv");
         let mut arrays = BTreeMap::new();
         for (name, required) in ARRAYS {
-            let field = Field::ALL.into_iter().find(|(_, known)| *known == name).map(|(field, _)| field);
+            let field = Field::named(name);
             let width = field.map_or(nv, |field| field.len(model));
             let expected: Vec<Dim> = leading.iter().copied().chain([Dim("", width)]).collect();
             let Some(values) = inputs.take(name, &expected)? else {
