@@ -18,7 +18,7 @@ use crate::worlds::{Options, Worlds, check_fit};
 const MOST: usize = 1 << 14;
 
 /// Arrays that [`inverse`] reads: the state, and what of it decides the force.
-const INPUTS: [Field; 4] = [Field::Qpos, Field::Qvel, Field::Act, Field::Ctrl];
+const INPUTS: [Field; 5] = [Field::Qpos, Field::Qvel, Field::Act, Field::Ctrl, Field::EqActive];
 /// The accelerations.
 const QACC: &str = "qacc";
 
@@ -95,8 +95,8 @@ impl Worlds {
     }
 }
 
-/// Inverse dynamics of many states, such as those of whole trajectories: arrays `qpos`, `qvel` and `qacc`, and `act` and `ctrl` if there
-/// are any, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns `qfrc_inverse` with the same ones (see
+/// Inverse dynamics of many states, such as those of whole trajectories: arrays `qpos`, `qvel` and `qacc`, and `act`, `ctrl` and `eq_active` if
+/// they are not as the model starts, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns `qfrc_inverse` with the same ones (see
 /// [`Worlds::inverse`]).
 ///
 /// # Errors
@@ -162,6 +162,11 @@ fn leading(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<Vec<usize>
             _ => found = Some((name, before)),
         }
         Values::F64(&array.to_f64()).check_finite(name, shape)?;
+        if name == Field::EqActive.name()
+            && let Some(x) = array.to_f64().iter().find(|x| ![0.0, 1.0].contains(*x))
+        {
+            return Err(Error::Input(format!("array `{name}` holds {x}; expected 0 or 1")));
+        }
     }
     let required = [Field::Qpos.name(), Field::Qvel.name(), QACC];
     if let Some(missing) = required.into_iter().find(|name| !inputs.contains_key(*name) && width(name) > Some(0)) {
