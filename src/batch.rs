@@ -18,6 +18,7 @@ use crate::field::{Field, Home};
 use crate::group;
 use crate::memory;
 use crate::model::{Key, Model};
+use crate::options::{Options, Tables};
 use crate::outputs::Output;
 use crate::pace::{self, Paces};
 use crate::parameters;
@@ -27,7 +28,6 @@ use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
 use crate::status::First;
 use crate::store::Store;
-use crate::worlds::{Options, Tables};
 
 pub(crate) use crew::WorkerCode;
 use crew::{Crew, Job, Seat, Worker};

@@ -3,9 +3,8 @@
 
 use crate::error::Error;
 use crate::memory;
-use crate::outputs::{Output, Rest};
+use crate::outputs::{Output, Reading, Rest};
 use crate::rows::Rows;
-use crate::subset::Reading;
 use crate::worlds::Worlds;
 
 const WHAT: &str = "the outputs";

@@ -5,7 +5,7 @@ use lanesim_kernels::fields::Declared;
 use lanesim_kernels::model::Sizes;
 use lanesim_kernels::state::{Applied, State};
 
-use crate::model::Model;
+use crate::model::{Key, Model};
 
 /// A part of a world's state, or a force from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -124,6 +124,21 @@ impl Field {
     /// The same, from a model's sizes.
     pub(crate) fn lanes(self, sizes: &Sizes) -> usize {
         self.declared().len(sizes)
+    }
+}
+
+impl Key {
+    /// What a world that starts from it has in a field; `None`: zeros.
+    pub fn field(&self, field: Field) -> Option<&[f64]> {
+        match field {
+            Field::Time => Some(std::slice::from_ref(&self.time)),
+            Field::Qpos => Some(&self.qpos),
+            Field::Qvel => Some(&self.qvel),
+            Field::Act => Some(&self.act),
+            Field::Ctrl => Some(&self.ctrl),
+            Field::EqActive => Some(&self.eq_active),
+            Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
+        }
     }
 }
 

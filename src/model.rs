@@ -7,11 +7,8 @@ use std::sync::{Arc, OnceLock};
 use lanesim_kernels::model::{self as kernel, Cast};
 
 use crate::diagnostics::Diagnostics;
-use crate::error::Error;
-use crate::field::Field;
 use crate::mjcf::{self, LoadOptions};
 use crate::native::Codes;
-use crate::outputs::Output;
 use crate::spec::Spec;
 
 /// A compiled model. Immutable; a clone shares everything.
@@ -187,21 +184,6 @@ pub struct Key {
     pub eq_active: Vec<f64>,
 }
 
-impl Key {
-    /// What a world that starts from it has in a field; `None`: zeros.
-    pub fn field(&self, field: Field) -> Option<&[f64]> {
-        match field {
-            Field::Time => Some(std::slice::from_ref(&self.time)),
-            Field::Qpos => Some(&self.qpos),
-            Field::Qvel => Some(&self.qvel),
-            Field::Act => Some(&self.act),
-            Field::Ctrl => Some(&self.ctrl),
-            Field::EqActive => Some(&self.eq_active),
-            Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
-        }
-    }
-}
-
 /// An array of the model as MuJoCo has it, dense, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
@@ -313,16 +295,6 @@ impl Model {
     /// Numbers of elements by MuJoCo's names.
     pub fn sizes(&self) -> &[(&'static str, usize)] {
         &self.0.counts
-    }
-
-    /// The output called `name`: one of [`Output::all`], where `jac_body:NAME`, `jac_geom:NAME` and `jac_site:NAME` stand for one output for
-    /// every element, by its name or its number.
-    ///
-    /// # Errors
-    ///
-    /// If there is no such output or element; the message names the nearest.
-    pub fn output(&self, name: &str) -> Result<Output, Error> {
-        Output::of_model(self, name)
     }
 
     /// The state in which worlds start: the reference configuration at rest, without controls.

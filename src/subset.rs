@@ -1,27 +1,16 @@
 //! Some of the worlds, and whole states: what is done with a list of worlds costs what these take, and leaves the other
 //! worlds' bits alone.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use crate::batch::Engine;
 use crate::error::Error;
 use crate::field::Field;
 use crate::model::Model;
-use crate::outputs::Output;
+use crate::outputs::{Output, Reading};
 use crate::rollout::Rollout;
 use crate::rows::{Rows, Strided};
 use crate::worlds::{Worlds, check_fit, key_state};
-
-/// What to read of the present states.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Reading<'a> {
-    /// Names of outputs.
-    pub names: &'a [&'a str],
-    /// Numbers of the worlds that are read, each at most once; `None`: all. Rows are theirs, in this order.
-    pub ids: Option<&'a [usize]>,
-    /// Stops the reading when it turns true; the result is [`Error::Cancelled`], and the rows hold nothing of use.
-    pub cancel: Option<&'a AtomicBool>,
-}
 
 /// Length of a row of the output `state`: time, qpos, qvel, act.
 fn state_len(model: &Model) -> usize {

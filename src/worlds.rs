@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use lanesim_codegen::{Float, Fragment, InstructionSet, Statistics};
 use lanesim_kernels::code::Kernels;
-use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::Cast;
+use lanesim_kernels::lane::LaneQuery;
 use lanesim_kernels::state::Status;
 use wide::{f32x16, f64x8};
 
@@ -15,88 +14,13 @@ pub use crate::field::Field;
 use crate::memory;
 use crate::model::{Key, Model};
 use crate::native::{ModelCode, Native};
-use crate::outputs::Output;
+pub use crate::options::{Backend, Options, Precision};
+use crate::outputs::{Output, Reading};
 use crate::parameters::Parameter;
 use crate::pool::Pool;
 use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
 use crate::status::{OnDiverge, StatusEvent};
-use crate::subset::Reading;
-
-/// Number type of the simulation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// Single precision: twice the worlds per block.
-    F32,
-    /// Double precision.
-    #[default]
-    F64,
-}
-
-/// How kernels are run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Backend {
-    /// Machine code made for the model where the machine can run it, else SIMD lanes.
-    #[default]
-    Auto,
-    /// The same.
-    Native,
-    /// Portable SIMD lanes: 8 worlds (f64) or 16 (f32) at a time.
-    Wide,
-    /// One world at a time: the reference. Same bits.
-    Scalar,
-}
-
-impl Backend {
-    /// Name, as the command line spells it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Backend::Auto => "auto",
-            Backend::Native => "native",
-            Backend::Wide => "wide",
-            Backend::Scalar => "scalar",
-        }
-    }
-}
-
-/// What happens inside a batch.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Number type.
-    pub precision: Precision,
-    /// How kernels are run.
-    pub backend: Backend,
-    /// Instruction set of machine code made for the model; `None`: the best that the machine has.
-    pub instructions: Option<InstructionSet>,
-    /// Threads that may work at once, the caller's among them; `None`: as many as processors are available. Jobs too small to
-    /// be worth it wake none.
-    pub threads: Option<usize>,
-    /// Whether threads are tied to processors, for a machine that does nothing else: there must be one for every processor
-    /// that the process may use. The caller's own thread stays free.
-    pub pin: bool,
-    /// Most bytes for worlds and scratch together, and for the outputs of a call; `None`: three quarters of what the
-    /// system has to give. More is refused with an error.
-    pub max_memory: Option<usize>,
-    /// Largest number of contacts of a world; beyond it the world's status says `ContactOverflow`.
-    pub max_contacts: usize,
-    /// What is done about a world that diverges.
-    pub on_diverge: OnDiverge,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            precision: Precision::F64,
-            backend: Backend::Auto,
-            instructions: None,
-            threads: None,
-            pin: false,
-            max_memory: None,
-            max_contacts: 1024,
-            on_diverge: OnDiverge::Freeze,
-        }
-    }
-}
 
 /// Machine code of a part of a step.
 #[derive(Clone, Debug)]
@@ -513,33 +437,4 @@ pub(crate) fn key_state(model: &Model, key: Option<usize>) -> Result<Key, Error>
     let Some(k) = key else { return Ok(model.initial_key()) };
     let n = model.keys().len();
     model.keys().get(k).cloned().ok_or_else(|| Error::Unknown(format!("there is no keyframe {k}: the model has {n}")))
-}
-
-/// Tables of the model for a number type.
-pub trait Tables: Real {
-    /// Tables rounded to this type.
-    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<Self>>;
-
-    /// The tables, rounded to this type.
-    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<Self>>;
-}
-
-impl Tables for f64 {
-    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<f64>> {
-        Arc::new(tables)
-    }
-
-    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f64>> {
-        model.tables()
-    }
-}
-
-impl Tables for f32 {
-    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<f32>> {
-        Arc::new(tables.cast())
-    }
-
-    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f32>> {
-        model.tables_f32()
-    }
 }

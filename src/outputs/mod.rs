@@ -8,6 +8,7 @@ mod table;
 
 use std::borrow::Cow;
 use std::ops::Deref;
+use std::sync::atomic::AtomicBool;
 
 use glam::DVec3;
 use lanesim_kernels::lane::{LaneQuery, Real};
@@ -77,6 +78,17 @@ impl<L: LaneQuery> World<'_, L> {
         out.extend(lanes.iter().map(|x| self.number(x)));
         out.resize(end, 0.0);
     }
+}
+
+/// What to read of the present states.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reading<'a> {
+    /// Names of outputs.
+    pub names: &'a [&'a str],
+    /// Numbers of the worlds that are read, each at most once; `None`: all. Rows are theirs, in this order.
+    pub ids: Option<&'a [usize]>,
+    /// Stops the reading when it turns true; the result is [`Error::Cancelled`], and the rows hold nothing of use.
+    pub cancel: Option<&'a AtomicBool>,
 }
 
 /// What outputs are made in, kept from world to world.
@@ -257,5 +269,17 @@ impl Output {
     fn leave_out(&self, model: &Model, out: &mut Vec<f64>) {
         let nothing = if self.is_integer() { 0.0 } else { f64::NAN };
         out.resize(out.len() + self.width(model).unwrap_or(0), nothing);
+    }
+}
+
+impl Model {
+    /// The output called `name`: one of [`Output::all`], where `jac_body:NAME`, `jac_geom:NAME` and `jac_site:NAME` stand for one output for
+    /// every element, by its name or its number.
+    ///
+    /// # Errors
+    ///
+    /// If there is no such output or element; the message names the nearest.
+    pub fn output(&self, name: &str) -> Result<Output, Error> {
+        Output::of_model(self, name)
     }
 }
