@@ -1,6 +1,6 @@
 //! What options can ask for that no step has yet.
 
-use lanesim_kernels::options::{Integrator, Options};
+use lanesim_kernels::options::Options;
 
 /// An option that asks for something that is not built.
 pub(crate) struct Unbuilt {
@@ -34,19 +34,6 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
     add(viscosity != 0.0, "option", "viscosity", format!("viscosity {viscosity}: {fluid}"), none, left_out, |o| {
         o.viscosity = 0.0;
     });
-    let integrator = format!("integrator {} is", o.integrator);
-    let euler = "set integrator=\"Euler\"";
-    add(
-        o.integrator == Integrator::Discrete,
-        "option",
-        "integrator",
-        integrator,
-        euler,
-        "Euler is used instead",
-        |o| {
-            o.integrator = Integrator::Euler;
-        },
-    );
     let f = &o.flags;
     let flag = |name: &str, what: &str| format!("{name}: {what}");
     let sleep = flag("sleep", "sleeping trees are");

@@ -61,7 +61,7 @@ fn forces_are_mujocos_f32() {
 
 #[test]
 fn forces_of_steps_are_mujocos() {
-    for integrator in ["Euler", "implicitfast", "implicit"] {
+    for integrator in ["Euler", "implicitfast", "implicit", "discrete"] {
         check(Some(integrator), Precision::F64, 1e-9);
     }
 }
@@ -126,7 +126,7 @@ fn inverse_after_forward_gives_back_what_was_applied() {
 #[test]
 fn inverse_after_a_step_gives_back_what_was_applied() {
     for name in TOUCHING {
-        for integrator in ["Euler", "implicitfast", "implicit"] {
+        for integrator in ["Euler", "implicitfast", "implicit", "discrete"] {
             let overrides = [&CONVERGED[..], &[("integrator", integrator), ("invdiscrete", "enable")]].concat();
             let model = load_with(name, &overrides);
             let (h, nv) = (model.tables().options.timestep, model.tables().sizes.nv);

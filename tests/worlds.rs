@@ -92,10 +92,10 @@ fn wrong_inputs_of_eval_are_named() {
 #[test]
 fn what_is_not_built_yet_says_so() {
     let path = support::repository("models/zoo/hopper.xml");
-    let overrides = vec![("integrator".to_string(), "discrete".to_string())];
+    let overrides = vec![("density".to_string(), "1000".to_string())];
     let options = lanesim::mjcf::LoadOptions { overrides, lenient: false };
     let problem = lanesim::Model::from_xml_path(&path, &options).expect_err("not built").to_string();
-    assert!(problem.starts_with("option: integrator discrete is not supported (set integrator=\"Euler\""), "{problem}");
+    assert!(problem.starts_with("option: density 1000: fluid forces are not supported (remove it"), "{problem}");
 }
 
 #[test]

@@ -4,6 +4,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Equality, EqualityKind, Instance, NONE, Quantity};
+use lanesim_kernels::options::Integrator;
 
 use super::frames::{self, Poses};
 use super::{World, contacts};
@@ -206,5 +207,15 @@ pub(super) fn inverse<L: LaneQuery>(world: World<'_, L>, _: &mut Poses, out: &mu
         let inertial: f64 = row.iter().zip(&qacc).map(|(m, a)| m * a).sum();
         let (bias, held) = (&ws.velocity.qfrc_bias[i], &ws.solver.fields.qfrc_constraint[i]);
         out.push(inertial + world.number(bias) - passive(i) - world.number(held));
+    }
+}
+
+/// Appends the smooth force; that of a discrete step without what it loses on the way.
+pub(super) fn smooth<L: LaneQuery>(world: World<'_, L>, _: &mut Poses, out: &mut Vec<f64>) {
+    let ws = world.workspace;
+    let start = out.len();
+    world.numbers(&ws.acceleration.qfrc_smooth, world.tables.sizes.nv, out);
+    if world.tables.options.integrator == Integrator::Discrete {
+        out[start..].iter_mut().zip(&ws.derivative.pull).for_each(|(force, pull)| *force += world.number(pull));
     }
 }

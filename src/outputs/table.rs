@@ -302,7 +302,7 @@ impl<L: LaneQuery> Table<L> {
             &[NV],
             ("all forces but the constraints'", FORCE),
             Stage::Acceleration,
-            |w, _, out| w.numbers(&w.workspace.acceleration.qfrc_smooth, w.tables.sizes.nv, out),
+            forces::smooth,
         ),
         Entry::of(
             "qacc_smooth",

@@ -26,11 +26,6 @@ fn options_that_are_not_built() {
         &format!("2: option: viscosity 0.001: fluid forces are not supported (remove it{goes})"),
         "line 2: option: viscosity 0.001: fluid forces are not supported, left out",
     );
-    option(
-        &with("integrator='discrete'"),
-        &format!("2: option: integrator discrete is not supported (set integrator=\"Euler\"{goes})"),
-        "line 2: option: integrator discrete is not supported, Euler is used instead",
-    );
 }
 
 #[test]
@@ -55,12 +50,12 @@ fn overrides_come_before_what_is_not_built() {
     let with = |text: &str, name: &str, value: &str| {
         parse(text, &LoadOptions { lenient: false, overrides: vec![(name.into(), value.into())] })
     };
-    let written = "<mujoco><option integrator='discrete'/></mujoco>";
-    assert!(with(written, "integrator", "Euler").is_ok());
-    let problem = with("<mujoco/>", "integrator", "discrete").expect_err("not built").to_string();
+    let written = "<mujoco><option density='1000'/></mujoco>";
+    assert!(with(written, "density", "0").is_ok());
+    let problem = with("<mujoco/>", "density", "1000").expect_err("not built").to_string();
     assert_eq!(
         problem,
-        "option: integrator discrete is not supported (set integrator=\"Euler\"; a lenient load goes without)"
+        "option: density 1000: fluid forces are not supported (remove it; a lenient load goes without)"
     );
 }
 
