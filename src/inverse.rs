@@ -38,9 +38,9 @@ fn check_model(model: &Model) -> Result<(), Error> {
 impl Worlds {
     /// Inverse dynamics of the worlds' present states: for each, the generalised force that must come from actuators and from outside so
     /// that it has the acceleration `qacc`, `[nworld, nv]`; MuJoCo's `qfrc_inverse`, in the same shape. Where the model's flag
-    /// `invdiscrete` is set, the acceleration is that over a step: what velocity gains, divided by the time step. Controls and forces that
-    /// the worlds have count for nothing, except that with `invdiscrete` and an implicit integrator, or with `discrete`, controls decide what the gains of
-    /// actuators contribute. Of worlds that are frozen or whose state cannot be stepped, NaN.
+    /// `invdiscrete` is set, or its integrator is `discrete`, the acceleration is that over a step: what velocity gains, divided by the
+    /// time step. Controls and forces that the worlds have count for nothing, except that with `invdiscrete` and an implicit integrator, or
+    /// with `discrete`, controls decide what the gains of actuators contribute. Of worlds that are frozen or whose state cannot be stepped, NaN.
     ///
     /// ```
     /// use lanesim::{Field, Model, Options, Worlds};

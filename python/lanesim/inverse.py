@@ -48,7 +48,8 @@ def inverse(
             velocity.
         eq_active: Which equality constraints are active, [..., neq], 1 or 0; None: as the model has it.
         discrete: Whether `qacc` is what qvel gains over a step, divided by the time step, so that a step with the force
-            returned gives it back; otherwise it is the derivative of qvel. None: as the model's flag ``invdiscrete`` says.
+            returned gives it back; otherwise it is the derivative of qvel. None: as the model's flag ``invdiscrete`` says. With the
+            integrator ``discrete`` it always is.
         threads: Worker threads; None: as many as there are processors.
         precision: "f64" or "f32"; the result has that type.
         backend: As for `Worlds`; the same bits.
