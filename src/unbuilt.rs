@@ -26,19 +26,12 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
         }
     };
     let (none, left_out) = ("remove it", "left out");
-    let integrator = format!("integrator {} is", o.integrator);
-    let euler = "set integrator=\"Euler\"";
-    add(
-        o.integrator == Integrator::Discrete,
-        "option",
-        "integrator",
-        integrator,
-        euler,
-        "Euler is used instead",
-        |o| {
-            o.integrator = Integrator::Euler;
-        },
-    );
+    let medium = o.integrator == Integrator::Discrete && (o.density != 0.0 || o.viscosity != 0.0);
+    let what = "a medium (density, viscosity) under integrator discrete is".to_string();
+    let instead = "Euler is used instead";
+    add(medium, "option", "integrator", what, "set integrator=\"implicitfast\"", instead, |o| {
+        o.integrator = Integrator::Euler;
+    });
     let f = &o.flags;
     let flag = |name: &str, what: &str| format!("{name}: {what}");
     let sleep = flag("sleep", "sleeping trees are");

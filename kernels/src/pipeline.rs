@@ -9,6 +9,7 @@ use crate::inertia::Inertia;
 use crate::integration::Integration;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::model::{Instance, Model, Varied};
+use crate::options::Integrator;
 use crate::passive::Passive;
 use crate::position::Position;
 pub use crate::stage::{Stage, StageClock, Stages};
@@ -112,6 +113,11 @@ pub fn forward<L: LaneQuery>(
             constraint::dof_rows(instance, &state.qpos, &state.qvel, alive, &mut ws.constraint);
         }
         constraint::contact_rows(instance, motion, &ws.collision, run.code, &mut ws.constraint);
+        if let Some(metric) = &mut ws.metric {
+            metric.m.copy_from_slice(&ws.derivative.metric);
+            let metric = constraint::Metric { inertia: &ws.inertia.m, step: &ws.derivative.metric };
+            constraint::discretise(instance, motion, metric, &ws.collision, &mut ws.constraint);
+        }
         end(Stage::Constraint);
     }
     let mut solved = Solved { lanes: status.alive & !findings.wild, unfinished: 0 };
@@ -120,6 +126,12 @@ pub fn forward<L: LaneQuery>(
         let stiff = double::lanes(&ws.constraint) & tame;
         let unfinished = solve(instance, state, tame & !stiff, (run.residual, run.keep), run.code, ws);
         solved.unfinished = L::bits(unfinished & tame);
+        if ws.metric.is_some() {
+            let Workspace { derivative, constraint, acceleration, integration, solver, .. } = &mut *ws;
+            let held = |dof: usize| constraint::held(model, constraint, dof);
+            let forces = (&acceleration.qfrc_smooth[..], &mut integration.qacc[..]);
+            derivative::release(model, derivative, &held, forces, &mut solver.fields.qacc);
+        }
         let stiff = L::bits(stiff);
         if stiff != 0 {
             let Run { applied, varied, max_contacts, convex, keep, .. } = *run;
@@ -226,19 +238,24 @@ pub fn smooth<L: Lane>(
         findings.bad_controls = actuation::actuation(model, state, passive, actuation);
         end(Stage::Actuation);
     }
-    if runs(Stage::Acceleration) {
-        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
-        findings.singular = acceleration::smooth_acceleration(model, position, inertia, acceleration);
-        if runs(Stage::Solver) {
-            findings.wild = acceleration::wild(&acceleration.qacc_smooth);
-        }
-        end(Stage::Acceleration);
-    }
+    let discrete = model.options.integrator == Integrator::Discrete;
     if runs(Stage::Derivative) {
         let stages = derivative::Stages { position, inertia, velocity, actuation };
         derivative::implicit(model, state, stages, derivative);
         derivative::factor(&model, derivative);
         end(Stage::Derivative);
+    }
+    if runs(Stage::Acceleration) {
+        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
+        let metric = discrete.then_some(&derivative.metric[..]);
+        if discrete {
+            acceleration.qfrc_smooth.iter_mut().zip(&derivative.pull).for_each(|(force, pull)| *force -= *pull);
+        }
+        findings.singular = acceleration::smooth_acceleration(model, position, inertia, metric, acceleration);
+        if runs(Stage::Solver) {
+            findings.wild = acceleration::wild(&acceleration.qacc_smooth);
+        }
+        end(Stage::Acceleration);
     }
     findings
 }
@@ -262,7 +279,7 @@ fn solve<L: LaneQuery>(
         model: model.model,
         mean_inertia: model.mean_inertia(),
         position: &ws.position,
-        inertia: &ws.inertia,
+        inertia: ws.metric.as_deref().unwrap_or(&ws.inertia),
         acceleration: &ws.acceleration,
         constraint: &ws.constraint,
     };

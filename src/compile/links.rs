@@ -108,6 +108,7 @@ impl Links {
             link: self.body_link[b],
             com: com((b, body)),
             mass: body.mass.mass,
+            inertia: body.mass.inertia.to_array(),
         };
         scene.bodies.iter().enumerate().map(table).collect()
     }

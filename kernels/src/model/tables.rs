@@ -418,6 +418,8 @@ table! {
         pub com: [T; 3],
         /// Mass.
         pub mass: T,
+        /// Principal moments of inertia.
+        pub inertia: [T; 3],
     } T
 }
 

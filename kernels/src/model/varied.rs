@@ -44,11 +44,13 @@ pub enum Quantity {
     BodyMass,
     /// Inverse weights of each equality constraint, two numbers.
     EqualityWeight,
+    /// Principal moments of inertia of each MJCF body, three numbers.
+    BodyInertia,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 16] = [
+    pub const ALL: [Quantity; 17] = [
         Quantity::Gravity,
         Quantity::StillPotential,
         Quantity::Damping,
@@ -65,6 +67,7 @@ impl Quantity {
         Quantity::MeanInertia,
         Quantity::BodyMass,
         Quantity::EqualityWeight,
+        Quantity::BodyInertia,
     ];
 
     /// The model's own numbers, element by element.
@@ -93,6 +96,7 @@ impl Quantity {
             Quantity::LimitWeight => model.limits.iter().map(|limit| limit.invweight).collect(),
             Quantity::Regulariser => model.friction_losses.iter().map(|loss| loss.r).collect(),
             Quantity::MeanInertia => vec![model.mean_inertia],
+            Quantity::BodyInertia => model.bodies.iter().flat_map(|body| body.inertia).collect(),
             Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
             Quantity::EqualityWeight => model.equalities.iter().flat_map(|equality| equality.invweight).collect(),
         }
@@ -101,7 +105,7 @@ impl Quantity {
 
 /// A set of quantities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Quantities(u16);
+pub struct Quantities(u32);
 
 impl Quantities {
     /// None.
@@ -111,7 +115,7 @@ impl Quantities {
     pub const fn of(list: &[Quantity]) -> Self {
         let (mut set, mut i) = (0, 0);
         while i < list.len() {
-            set |= 1 << list[i] as u16;
+            set |= 1 << list[i] as u32;
             i += 1;
         }
         Quantities(set)
@@ -119,7 +123,7 @@ impl Quantities {
 
     /// Whether it is among them.
     pub const fn has(self, quantity: Quantity) -> bool {
-        self.0 >> quantity as u16 & 1 != 0
+        self.0 >> quantity as u32 & 1 != 0
     }
 
     /// Those of either.

@@ -85,6 +85,18 @@ impl<L: Lane> Equalities<L> {
         self.listed.iter().map(|e| &model.equalities[*e as usize])
     }
 
+    /// How many those are.
+    #[inline(always)]
+    pub(super) fn count(&self) -> usize {
+        self.listed.len()
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub(super) fn nth<'a>(&self, model: &'a Model<L::Real>, n: usize) -> &'a Equality<L::Real> {
+        &model.equalities[self.listed[n] as usize]
+    }
+
     /// The dofs of one, each with its column of the Jacobian.
     #[inline(always)]
     pub fn columns<'a>(
