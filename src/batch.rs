@@ -14,9 +14,11 @@ use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
 use crate::error::Error;
+use crate::field::{Field, Home};
 use crate::group;
 use crate::memory;
 use crate::model::{Key, Model};
+use crate::options::{Options, Tables};
 use crate::outputs::Output;
 use crate::pace::{self, Paces};
 use crate::parameters;
@@ -26,7 +28,6 @@ use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
 use crate::status::First;
 use crate::store::Store;
-use crate::worlds::{Field, Options, Tables};
 
 pub(crate) use crew::WorkerCode;
 use crew::{Crew, Job, Seat, Worker};
@@ -220,9 +221,9 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn ask_for_forces(&self, field: Field, nworld: usize) -> Result<(), Error> {
-        match field {
-            Field::QfrcApplied | Field::XfrcApplied => self.store.ask_for_forces(&self.crew.tables.sizes, nworld),
-            _ => Ok(()),
+        match field.home() {
+            Home::Applied(_) => self.store.ask_for_forces(&self.crew.tables.sizes, nworld),
+            Home::State(_) => Ok(()),
         }
     }
 

@@ -5,9 +5,9 @@ use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model, Sizes, Varied};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
+use crate::field::{Field, Home};
 use crate::rows::Strided;
 use crate::status::{Element, First};
-use crate::worlds::Field;
 
 /// Worlds side by side.
 #[derive(Clone, Debug)]
@@ -49,22 +49,10 @@ impl<L: LaneQuery> Block<L> {
 
     /// The field's entries; allocates forces from outside.
     fn lanes(&mut self, field: Field, sizes: &Sizes) -> &mut [L] {
-        let state = &mut self.state;
-        match field {
-            Field::Time => &mut state.time,
-            Field::Qpos => &mut state.qpos,
-            Field::Qvel => &mut state.qvel,
-            Field::Act => &mut state.act,
-            Field::Ctrl => &mut state.ctrl,
-            Field::QaccWarmstart => &mut state.qacc_warmstart,
-            Field::EqActive => &mut state.eq_active,
-            Field::QfrcApplied | Field::XfrcApplied => {
-                let applied = self.applied.get_or_insert_with(|| Box::new(Applied::new(sizes)));
-                if field == Field::QfrcApplied {
-                    &mut applied.qfrc_applied
-                } else {
-                    applied.xfrc_applied.as_flattened_mut()
-                }
+        match field.home() {
+            Home::State(number) => self.state.field_mut(number),
+            Home::Applied(number) => {
+                self.applied.get_or_insert_with(|| Box::new(Applied::new(sizes))).field_mut(number)
             }
         }
     }
@@ -84,21 +72,12 @@ impl<L: LaneQuery> Block<L> {
 
     /// Appends a field of one lane to `out`.
     pub fn read(&self, field: Field, sizes: &Sizes, lane: usize, out: &mut Vec<f64>) {
-        let state = &self.state;
-        let mut numbers = |lanes: &[L]| out.extend(lanes.iter().map(|x| x.get(lane).to_f64()));
-        match (field, &self.applied) {
-            (Field::Time, _) => numbers(&state.time),
-            (Field::Qpos, _) => numbers(&state.qpos),
-            (Field::Qvel, _) => numbers(&state.qvel),
-            (Field::Act, _) => numbers(&state.act),
-            (Field::Ctrl, _) => numbers(&state.ctrl),
-            (Field::QaccWarmstart, _) => numbers(&state.qacc_warmstart),
-            (Field::EqActive, _) => numbers(&state.eq_active),
-            (Field::QfrcApplied, Some(applied)) => numbers(&applied.qfrc_applied),
-            (Field::XfrcApplied, Some(applied)) => numbers(applied.xfrc_applied.as_flattened()),
-            (Field::QfrcApplied, None) => out.resize(out.len() + sizes.nv, 0.0),
-            (Field::XfrcApplied, None) => out.resize(out.len() + 6 * sizes.nbody, 0.0),
-        }
+        let lanes = match (field.home(), &self.applied) {
+            (Home::State(number), _) => self.state.field(number),
+            (Home::Applied(number), Some(applied)) => applied.field(number),
+            (Home::Applied(_), None) => return out.resize(out.len() + field.lanes(sizes), 0.0),
+        };
+        out.extend(lanes.iter().map(|x| x.get(lane).to_f64()));
     }
 
     /// Resets one lane: positions as given, the rest as given or zero, warm start, forces and status cleared.
@@ -115,12 +94,9 @@ impl<L: LaneQuery> Block<L> {
         if let Some(applied) = &mut self.applied {
             applied.for_each(&mut |field| field.data.iter_mut().for_each(|x| x.set(lane, zero)));
         }
-        self.set(Field::Time, sizes, lane, &[key.time]);
-        self.set(Field::Qpos, sizes, lane, &key.qpos);
-        self.set(Field::Qvel, sizes, lane, &key.qvel);
-        self.set(Field::Act, sizes, lane, &key.act);
-        self.set(Field::Ctrl, sizes, lane, &key.ctrl);
-        self.set(Field::EqActive, sizes, lane, &key.eq_active);
+        for (field, _) in Field::ALL {
+            key.field(field).into_iter().for_each(|values| self.set(field, sizes, lane, values));
+        }
         let mut status = self.status.lane(lane);
         status.remove(Status::FROZEN);
         self.status.set_lane(lane, status);

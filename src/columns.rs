@@ -3,9 +3,8 @@
 
 use crate::error::Error;
 use crate::memory;
-use crate::outputs::Output;
+use crate::outputs::{Output, Reading, Rest};
 use crate::rows::Rows;
-use crate::subset::Reading;
 use crate::worlds::Worlds;
 
 const WHAT: &str = "the outputs";
@@ -61,6 +60,7 @@ impl Worlds {
 
     /// The same, output by output.
     pub(crate) fn columns(&mut self, outputs: &[Output]) -> Result<Vec<Column>, Error> {
+        outputs.iter().try_for_each(|output| output.check(self.model()))?;
         let mut columns = outputs.iter().map(|output| self.column(output)).collect::<Result<Vec<_>, _>>()?;
         self.ask_for_lists(outputs, None)?;
         self.engine.read_all(outputs, columns.iter_mut().map(Column::rows).collect(), None);
@@ -87,7 +87,7 @@ impl Worlds {
     pub(crate) fn ask_for_lists(&mut self, outputs: &[Output], ids: Option<&[usize]>) -> Result<(), Error> {
         let nworld = ids.map_or(self.nworld(), <[usize]>::len);
         let ragged = outputs.iter().filter(|output| output.width(self.model()).is_none());
-        let (contacts, rows): (Vec<&Output>, Vec<&Output>) = ragged.partition(|o| o.name().starts_with("contact"));
+        let (contacts, rows): (Vec<&Output>, Vec<&Output>) = ragged.partition(|o| o.rest() == Rest::Contact);
         if contacts.is_empty() && rows.is_empty() {
             return Ok(());
         }

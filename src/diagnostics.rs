@@ -94,6 +94,13 @@ impl fmt::Display for Diagnostics {
 
 impl std::error::Error for Diagnostics {}
 
+/// One problem with a file as a whole.
+pub(crate) fn file_problem(source: &Source, message: impl Into<String>, remedy: impl Into<String>) -> Diagnostics {
+    let mut problems = Diagnostics::default();
+    problems.push(source, "", message, remedy);
+    problems
+}
+
 /// A name in quotes, safe to print.
 pub(crate) fn quoted(name: &str) -> String {
     format!("\"{}\"", shorten(name))

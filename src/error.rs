@@ -1,7 +1,6 @@
 //! Errors of the library.
 
 use crate::diagnostics::Diagnostics;
-use crate::memory::gigabytes;
 use crate::status::StatusEvent;
 
 /// What can go wrong outside the worlds themselves; what happens inside a world is its status.
@@ -54,6 +53,16 @@ pub enum Error {
     /// No output, field or key of that name.
     #[error("{0}")]
     Unknown(String),
+}
+
+/// Bytes in words.
+pub(crate) fn gigabytes(bytes: usize) -> String {
+    let bytes = bytes as f64;
+    match bytes {
+        0.0..1e6 => format!("{:.1} kB", bytes / 1e3),
+        1e6..1e9 => format!("{:.1} MB", bytes / 1e6),
+        _ => format!("{:.1} GB", bytes / 1e9),
+    }
 }
 
 fn no_memory(what: &str, bytes: Option<usize>) -> String {

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use crate::columns::Column;
 use crate::error::Error;
+use crate::field::Field;
 use crate::memory;
 use crate::model::{ArrayData, Model};
 use crate::npz::{Array, Data};
 use crate::outputs::Output;
 use crate::suggest;
-use crate::worlds::{Field, Options, Worlds};
+use crate::worlds::{Options, Worlds};
 
 /// What a field name stands for.
 enum Request {
@@ -19,17 +20,10 @@ enum Request {
     World(Output),
 }
 
-/// Inputs that may be given, by name.
-const INPUTS: [Field; 8] = [
-    Field::Time,
-    Field::Qpos,
-    Field::Qvel,
-    Field::Act,
-    Field::Ctrl,
-    Field::EqActive,
-    Field::QfrcApplied,
-    Field::XfrcApplied,
-];
+/// Inputs that may be given: all that decides what follows from a state.
+pub fn inputs() -> impl Iterator<Item = Field> + Clone {
+    Field::ALL.into_iter().map(|(field, _)| field).filter(|field| *field != Field::QaccWarmstart)
+}
 
 /// Evaluates `fields` for the states in `inputs` (arrays `[N, ...]`; none at all: one world in the reference
 /// configuration), after `nstep` steps. Outputs have a leading `[N]`; those whose length differs between worlds are padded
@@ -80,8 +74,8 @@ fn request(model: &Model, name: &str) -> Result<Request, Error> {
     if let Some(array) = model.array(name) {
         return Ok(Request::Model(array.data.clone(), array.shape.clone()));
     }
-    Output::named(name).map(Request::World).map_err(|e| {
-        let known = Output::all().map(|(name, _)| name).chain(model.array_names());
+    model.output(name).map(Request::World).map_err(|e| {
+        let known = Output::all().map(|output| output.name).chain(model.array_names());
         let near = suggest::did_you_mean(name, known);
         if near.is_empty() { e } else { Error::Unknown(format!("there is no output or model array {name}; {near}")) }
     })
@@ -91,8 +85,8 @@ fn request(model: &Model, name: &str) -> Result<Request, Error> {
 fn count(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<usize, Error> {
     let mut nworld = None;
     for (name, array) in inputs {
-        let Some(field) = INPUTS.iter().find(|field| field.name() == name.as_str()) else {
-            let remedy = suggest::or_list(name, INPUTS.map(Field::name));
+        let Some(field) = self::inputs().find(|field| field.name() == name.as_str()) else {
+            let remedy = suggest::or_list(name, self::inputs().map(Field::name));
             return Err(Error::Input(format!("unknown input array {name}; {remedy}")));
         };
         let width = field.len(model);
@@ -110,7 +104,7 @@ fn count(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<usize, Error
 }
 
 fn load(model: &Model, inputs: &BTreeMap<String, Array>, worlds: &mut Worlds) -> Result<(), Error> {
-    for field in INPUTS {
+    for field in self::inputs() {
         let Some(array) = inputs.get(field.name()) else { continue };
         let width = field.len(model);
         if width > 0 {

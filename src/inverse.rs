@@ -6,18 +6,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use lanesim_kernels::inverse::invertible;
 
 use crate::error::Error;
+use crate::field::Field;
 use crate::memory;
 use crate::model::Model;
 use crate::npz::{Array, Data};
 use crate::rows::{Rows, Strided, Values};
 use crate::suggest;
-use crate::worlds::{Field, Options, Worlds, check_fit};
+use crate::worlds::{Options, Worlds, check_fit};
 
 /// Worlds that are inverted at once.
 const MOST: usize = 1 << 14;
 
 /// Arrays that [`inverse`] reads: the state, and what of it decides the force.
-const INPUTS: [Field; 4] = [Field::Qpos, Field::Qvel, Field::Act, Field::Ctrl];
+const INPUTS: [Field; 5] = [Field::Qpos, Field::Qvel, Field::Act, Field::Ctrl, Field::EqActive];
 /// The accelerations.
 const QACC: &str = "qacc";
 
@@ -37,9 +38,9 @@ fn check_model(model: &Model) -> Result<(), Error> {
 impl Worlds {
     /// Inverse dynamics of the worlds' present states: for each, the generalised force that must come from actuators and from outside so
     /// that it has the acceleration `qacc`, `[nworld, nv]`; MuJoCo's `qfrc_inverse`, in the same shape. Where the model's flag
-    /// `invdiscrete` is set, the acceleration is that over a step: what velocity gains, divided by the time step. Controls and forces that
-    /// the worlds have count for nothing, except that with `invdiscrete` and an implicit integrator controls decide what the gains of
-    /// actuators contribute. Of worlds that are frozen or whose state cannot be stepped, NaN.
+    /// `invdiscrete` is set, or its integrator is `discrete`, the acceleration is that over a step: what velocity gains, divided by the
+    /// time step. Controls and forces that the worlds have count for nothing, except that with `invdiscrete` and an implicit integrator, or
+    /// with `discrete`, controls decide what the gains of actuators contribute. Of worlds that are frozen or whose state cannot be stepped, NaN.
     ///
     /// ```
     /// use lanesim::{Field, Model, Options, Worlds};
@@ -94,8 +95,8 @@ impl Worlds {
     }
 }
 
-/// Inverse dynamics of many states, such as those of whole trajectories: arrays `qpos`, `qvel` and `qacc`, and `act` and `ctrl` if there
-/// are any, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns `qfrc_inverse` with the same ones (see
+/// Inverse dynamics of many states, such as those of whole trajectories: arrays `qpos`, `qvel` and `qacc`, and `act`, `ctrl` and `eq_active` if
+/// they are not as the model starts, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns `qfrc_inverse` with the same ones (see
 /// [`Worlds::inverse`]).
 ///
 /// # Errors
@@ -161,6 +162,11 @@ fn leading(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<Vec<usize>
             _ => found = Some((name, before)),
         }
         Values::F64(&array.to_f64()).check_finite(name, shape)?;
+        if name == Field::EqActive.name()
+            && let Some(x) = array.to_f64().iter().find(|x| ![0.0, 1.0].contains(*x))
+        {
+            return Err(Error::Input(format!("array `{name}` holds {x}; expected 0 or 1")));
+        }
     }
     let required = [Field::Qpos.name(), Field::Qvel.name(), QACC];
     if let Some(missing) = required.into_iter().find(|name| !inputs.contains_key(*name) && width(name) > Some(0)) {

@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use crate::error::Error;
+use crate::error::{Error, gigabytes};
 
 /// Bytes that need no permission.
 const FREE: usize = 1 << 26;
@@ -61,16 +61,6 @@ fn check(bytes: usize, limit: Option<usize>, what: impl Fn() -> String, fewer: &
         return Ok(());
     }
     Err(Error::MemoryLimit { what: what(), bytes, limit, fewer })
-}
-
-/// Bytes in words.
-pub(crate) fn gigabytes(bytes: usize) -> String {
-    let bytes = bytes as f64;
-    match bytes {
-        0.0..1e6 => format!("{:.1} kB", bytes / 1e3),
-        1e6..1e9 => format!("{:.1} MB", bytes / 1e6),
-        _ => format!("{:.1} GB", bytes / 1e9),
-    }
 }
 
 /// Bytes of memory that can be had without swapping, as Linux estimates them, and within what the process' group may have;

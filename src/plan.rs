@@ -120,7 +120,12 @@ impl Plan {
                 ),
             ],
             Stage::Passive => vec![
-                part(name, features.passive(), "joint forces".into(), "no spring, damper or gravity compensation acts"),
+                part(
+                    name,
+                    features.passive(),
+                    "joint forces".into(),
+                    "no spring, damper, gravity compensation or medium acts",
+                ),
                 part(
                     "  springs",
                     features.springs,
@@ -134,6 +139,12 @@ impl Plan {
                     unless(flags.damper, "dampers are switched off", "no dof is damped"),
                 ),
                 part("  gravcomp", features.gravcomp, "on links".into(), "no body has it, or gravity is zero"),
+                part(
+                    "  fluid",
+                    features.fluid,
+                    "on bodies".into(),
+                    "no density or viscosity, or passive forces are switched off",
+                ),
             ],
             Stage::Actuation if !features.actuation && sizes.nu > 0 => {
                 vec![Part { name, runs: true, what: "lengths only: actuation is switched off".into() }]

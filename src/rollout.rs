@@ -95,6 +95,7 @@ impl Rollout<'_> {
                 "{name} differs in length between worlds and cannot be recorded in a rollout"
             )));
         }
+        self.outputs.iter().try_for_each(|output| output.check(model))?;
         let nu = model.tables().sizes.nu;
         self.check_strides(nu, nworld)?;
         if let Controls::Noise { scale, .. } = self.controls

@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model, Quantities, Quantity, Sizes, Varied};
-use lanesim_kernels::state::{Applied, BlockStatus, Status, state_len};
+use lanesim_kernels::state::{Applied, BlockStatus, State, Status, state_len};
 
 use crate::block::Block;
 use crate::error::Error;
+use crate::field::{Field, Home};
 use crate::memory;
 use crate::status::First;
-use crate::worlds::Field;
 
 /// What the allocator keeps beside each piece, at most.
 const OVERHEAD: usize = 64;
@@ -67,7 +67,7 @@ impl<L: LaneQuery> Store<L> {
 
     /// Bytes of the forces on a block from outside, with what the allocator adds.
     fn applied_bytes(sizes: &Sizes) -> usize {
-        (sizes.nv + 6 * sizes.nbody) * size_of::<L>() + size_of::<Applied<L>>() + 3 * OVERHEAD
+        Applied::<L>::bytes(sizes) + size_of::<Applied<L>>() + 3 * OVERHEAD
     }
 
     /// From now on these quantities of `model` vary, beside those that do already; every world has the model's own.
@@ -111,38 +111,24 @@ impl<L: LaneQuery> Store<L> {
         block * self.len..(block + 1) * self.len
     }
 
-    /// Where a field of a block's state is; `None` for forces from outside.
-    fn entries(&self, field: Field, sizes: &Sizes, block: usize) -> Option<Range<usize>> {
-        let mut start = self.place(block).start;
-        let fields = [
-            (Field::Time, 1),
-            (Field::Qpos, sizes.nq),
-            (Field::Qvel, sizes.nv),
-            (Field::Act, sizes.na),
-            (Field::Ctrl, sizes.nu),
-            (Field::QaccWarmstart, sizes.nv),
-            (Field::EqActive, sizes.neq),
-        ];
-        for (known, n) in fields {
-            if known == field {
-                return Some(start..start + n);
-            }
-            start += n;
-        }
-        None
+    /// Where a field of a block's state is, by its number.
+    fn entries(&self, number: usize, sizes: &Sizes, block: usize) -> Range<usize> {
+        let (before, here) = State::<L>::FIELDS.split_at(number);
+        let start = self.place(block).start + before.iter().map(|field| field.len(sizes)).sum::<usize>();
+        start..start + here[0].len(sizes)
     }
 
     /// Sets a field of one world.
     pub fn set(&mut self, field: Field, sizes: &Sizes, world: usize, values: &[f64]) {
         let (block, lane) = (world / L::WIDTH, world % L::WIDTH);
-        let entries = match self.entries(field, sizes, block) {
-            Some(range) => &mut self.states[range],
-            None => {
+        let entries = match field.home() {
+            Home::State(number) => {
+                let range = self.entries(number, sizes, block);
+                &mut self.states[range]
+            }
+            Home::Applied(number) => {
                 let applied = self.kept[block].applied.get_or_insert_with(|| Box::new(Applied::new(sizes)));
-                match field {
-                    Field::QfrcApplied => &mut applied.qfrc_applied,
-                    _ => applied.xfrc_applied.as_flattened_mut(),
-                }
+                applied.field_mut(number)
             }
         };
         for (entry, x) in entries.iter_mut().zip(values) {
@@ -153,12 +139,10 @@ impl<L: LaneQuery> Store<L> {
     /// A field of one world.
     pub fn get(&self, field: Field, sizes: &Sizes, world: usize) -> Vec<f64> {
         let (block, lane) = (world / L::WIDTH, world % L::WIDTH);
-        let entries = match (self.entries(field, sizes, block), &self.kept[block].applied) {
-            (Some(range), _) => &self.states[range],
-            (None, Some(applied)) if field == Field::QfrcApplied => &applied.qfrc_applied,
-            (None, Some(applied)) => applied.xfrc_applied.as_flattened(),
-            (None, None) if field == Field::QfrcApplied => return vec![0.0; sizes.nv],
-            (None, None) => return vec![0.0; 6 * sizes.nbody],
+        let entries = match (field.home(), &self.kept[block].applied) {
+            (Home::State(number), _) => &self.states[self.entries(number, sizes, block)],
+            (Home::Applied(number), Some(applied)) => applied.field(number),
+            (Home::Applied(_), None) => return vec![0.0; field.lanes(sizes)],
         };
         entries.iter().map(|x| x.get(lane).to_f64()).collect()
     }
@@ -255,8 +239,7 @@ fn copy<L: LaneQuery>(source: &[L], from: usize, target: &mut [L], to: usize) {
 }
 
 fn copy_applied<L: LaneQuery>(source: &Applied<L>, from: usize, target: &mut Applied<L>, to: usize) {
-    copy(&source.qfrc_applied, from, &mut target.qfrc_applied, to);
-    copy(source.xfrc_applied.as_flattened(), from, target.xfrc_applied.as_flattened_mut(), to);
+    (0..Applied::<L>::FIELDS.len()).for_each(|n| copy(source.field(n), from, target.field_mut(n), to));
 }
 
 impl<L: LaneQuery> Block<L> {

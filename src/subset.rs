@@ -1,26 +1,16 @@
 //! Some of the worlds, and whole states: what is done with a list of worlds costs what these take, and leaves the other
 //! worlds' bits alone.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use crate::batch::Engine;
 use crate::error::Error;
+use crate::field::Field;
 use crate::model::Model;
-use crate::outputs::Output;
+use crate::outputs::{Output, Reading};
 use crate::rollout::Rollout;
 use crate::rows::{Rows, Strided};
-use crate::worlds::{Field, Worlds, check_fit, key_state};
-
-/// What to read of the present states.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Reading<'a> {
-    /// Names of outputs.
-    pub names: &'a [&'a str],
-    /// Numbers of the worlds that are read, each at most once; `None`: all. Rows are theirs, in this order.
-    pub ids: Option<&'a [usize]>,
-    /// Stops the reading when it turns true; the result is [`Error::Cancelled`], and the rows hold nothing of use.
-    pub cancel: Option<&'a AtomicBool>,
-}
+use crate::worlds::{Worlds, check_fit, key_state};
 
 /// Length of a row of the output `state`: time, qpos, qvel, act.
 fn state_len(model: &Model) -> usize {
@@ -83,7 +73,7 @@ impl Worlds {
     /// If arrays do not fit, there is no such world, or no memory for lists.
     pub fn read(&mut self, reading: &Reading<'_>, rows: Vec<Rows<'_>>) -> Result<(), Error> {
         let Reading { names, ids, cancel } = *reading;
-        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>()?;
+        let outputs = names.iter().map(|name| self.model.output(name)).collect::<Result<Vec<_>, _>>()?;
         let nworld = self.count(ids)?;
         self.check_rows(&outputs, &rows, (nworld, 1))?;
         if rows.iter().any(|rows| matches!(rows, Rows::Lists(_))) {

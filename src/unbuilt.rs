@@ -25,28 +25,13 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
             out.push(Unbuilt { element, attribute, what, remedy, instead, reset });
         }
     };
-    let (fluid, none) = ("fluid forces are", "remove it");
-    let left_out = "left out";
-    let (density, viscosity) = (o.density, o.viscosity);
-    add(density != 0.0, "option", "density", format!("density {density}: {fluid}"), none, left_out, |o| {
-        o.density = 0.0
+    let (none, left_out) = ("remove it", "left out");
+    let medium = o.integrator == Integrator::Discrete && (o.density != 0.0 || o.viscosity != 0.0);
+    let what = "a medium (density, viscosity) under integrator discrete is".to_string();
+    let instead = "Euler is used instead";
+    add(medium, "option", "integrator", what, "set integrator=\"implicitfast\"", instead, |o| {
+        o.integrator = Integrator::Euler;
     });
-    add(viscosity != 0.0, "option", "viscosity", format!("viscosity {viscosity}: {fluid}"), none, left_out, |o| {
-        o.viscosity = 0.0;
-    });
-    let integrator = format!("integrator {} is", o.integrator);
-    let euler = "set integrator=\"Euler\"";
-    add(
-        o.integrator == Integrator::Discrete,
-        "option",
-        "integrator",
-        integrator,
-        euler,
-        "Euler is used instead",
-        |o| {
-            o.integrator = Integrator::Euler;
-        },
-    );
     let f = &o.flags;
     let flag = |name: &str, what: &str| format!("{name}: {what}");
     let sleep = flag("sleep", "sleeping trees are");

@@ -3,99 +3,25 @@
 use std::sync::Arc;
 
 use lanesim_codegen::{Float, Fragment, InstructionSet, Statistics};
-use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::Cast;
+use lanesim_kernels::lane::LaneQuery;
+use lanesim_kernels::options::Integrator;
 use lanesim_kernels::part::Kernels;
 use lanesim_kernels::state::Status;
 use wide::{f32x16, f64x8};
 
 use crate::batch::{Batch, Engine, WorkerCode};
 use crate::error::Error;
+pub use crate::field::Field;
 use crate::memory;
 use crate::model::{Key, Model};
 use crate::native::{ModelCode, Native};
-use crate::outputs::Output;
+pub use crate::options::{Backend, Options, Precision};
+use crate::outputs::{Output, Reading};
 use crate::parameters::Parameter;
 use crate::pool::Pool;
 use crate::rollout::{Rollout, Trajectories};
 use crate::rows::{Rows, Strided};
 use crate::status::{OnDiverge, StatusEvent};
-use crate::subset::Reading;
-
-/// Number type of the simulation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// Single precision: twice the worlds per block.
-    F32,
-    /// Double precision.
-    #[default]
-    F64,
-}
-
-/// How kernels are run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Backend {
-    /// Machine code made for the model where the machine can run it, else SIMD lanes.
-    #[default]
-    Auto,
-    /// The same.
-    Native,
-    /// Portable SIMD lanes: 8 worlds (f64) or 16 (f32) at a time.
-    Wide,
-    /// One world at a time: the reference. Same bits.
-    Scalar,
-}
-
-impl Backend {
-    /// Name, as the command line spells it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Backend::Auto => "auto",
-            Backend::Native => "native",
-            Backend::Wide => "wide",
-            Backend::Scalar => "scalar",
-        }
-    }
-}
-
-/// What happens inside a batch.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Number type.
-    pub precision: Precision,
-    /// How kernels are run.
-    pub backend: Backend,
-    /// Instruction set of machine code made for the model; `None`: the best that the machine has.
-    pub instructions: Option<InstructionSet>,
-    /// Threads that may work at once, the caller's among them; `None`: as many as processors are available. Jobs too small to
-    /// be worth it wake none.
-    pub threads: Option<usize>,
-    /// Whether threads are tied to processors, for a machine that does nothing else: there must be one for every processor
-    /// that the process may use. The caller's own thread stays free.
-    pub pin: bool,
-    /// Most bytes for worlds and scratch together, and for the outputs of a call; `None`: three quarters of what the
-    /// system has to give. More is refused with an error.
-    pub max_memory: Option<usize>,
-    /// Largest number of contacts of a world; beyond it the world's status says `ContactOverflow`.
-    pub max_contacts: usize,
-    /// What is done about a world that diverges.
-    pub on_diverge: OnDiverge,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            precision: Precision::F64,
-            backend: Backend::Auto,
-            instructions: None,
-            threads: None,
-            pin: false,
-            max_memory: None,
-            max_contacts: 1024,
-            on_diverge: OnDiverge::Freeze,
-        }
-    }
-}
 
 /// Machine code of a part of a step.
 #[derive(Clone, Debug)]
@@ -124,12 +50,14 @@ impl Running {
     fn choose<T: Float>(
         &mut self,
         options: &Options,
+        discrete: bool,
         get: impl FnOnce() -> Result<Arc<ModelCode<T>>, String>,
     ) -> Option<Arc<ModelCode<T>>> {
         self.backend = Backend::Wide;
         if options.backend == Backend::Wide {
             return None;
         }
+        let get = || if discrete { Err("integrator discrete is stepped by kernels".to_owned()) } else { get() };
         match get() {
             Ok(code) => {
                 self.backend = Backend::Native;
@@ -152,66 +80,6 @@ fn worker_code<T: Float>(code: Option<Arc<ModelCode<T>>>) -> impl Fn() -> Worker
     move || match &code {
         Some(code) => Box::new(Native::new(code.clone())),
         None => kernels(),
-    }
-}
-
-/// A part of a world's state, or a force from outside.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Field {
-    /// Time, s: 1 number.
-    Time,
-    /// Positions: `nq`.
-    Qpos,
-    /// Velocities: `nv`.
-    Qvel,
-    /// Activations: `na`.
-    Act,
-    /// Controls: `nu`.
-    Ctrl,
-    /// Start of the solver, what constraints added to the smooth acceleration in the last step: `nv`.
-    QaccWarmstart,
-    /// Whether each equality constraint is active: `neq`, 1 or 0.
-    EqActive,
-    /// Generalised forces from outside: `nv`.
-    QfrcApplied,
-    /// Forces and torques on bodies from outside: `nbody` × (force, torque), world axes, at the centre of mass.
-    XfrcApplied,
-}
-
-impl Field {
-    /// What makes up a row of the output `state`, in its order: MuJoCo's `mjSTATE_FULLPHYSICS`.
-    pub const STATE: [Field; 4] = [Field::Time, Field::Qpos, Field::Qvel, Field::Act];
-
-    /// All fields, with MuJoCo's names.
-    pub const ALL: [(Field, &'static str); 9] = [
-        (Field::Time, "time"),
-        (Field::Qpos, "qpos"),
-        (Field::Qvel, "qvel"),
-        (Field::Act, "act"),
-        (Field::Ctrl, "ctrl"),
-        (Field::QaccWarmstart, "qacc_warmstart"),
-        (Field::EqActive, "eq_active"),
-        (Field::QfrcApplied, "qfrc_applied"),
-        (Field::XfrcApplied, "xfrc_applied"),
-    ];
-
-    /// MuJoCo's name.
-    pub fn name(self) -> &'static str {
-        Self::ALL[self as usize].1
-    }
-
-    /// Numbers per world.
-    pub fn len(self, model: &Model) -> usize {
-        let sizes = &model.tables().sizes;
-        match self {
-            Field::Time => 1,
-            Field::Qpos => sizes.nq,
-            Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => sizes.nv,
-            Field::Act => sizes.na,
-            Field::Ctrl => sizes.nu,
-            Field::EqActive => sizes.neq,
-            Field::XfrcApplied => 6 * sizes.nbody,
-        }
     }
 }
 
@@ -241,17 +109,19 @@ impl Worlds {
             OnDiverge::Freeze | OnDiverge::Error => None,
         };
         let scalar = options.backend == Backend::Scalar;
+        let discrete = model.tables().options.integrator == Integrator::Discrete;
         let (f64_codes, f32_codes) = model.codes();
         let mut running = Running { backend: options.backend, instructions: None, notice: None };
         let engine: Box<dyn Engine> = match (options.precision, scalar) {
             (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, kernels, pool, options, restart)?),
             (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, kernels, pool, options, restart)?),
             (Precision::F64, false) => {
-                let code = running.choose(options, || f64_codes.get(model.tables(), options.instructions));
+                let code = running.choose(options, discrete, || f64_codes.get(model.tables(), options.instructions));
                 Box::new(Batch::<f64x8>::new(model, nworld, worker_code(code), pool, options, restart)?)
             }
             (Precision::F32, false) => {
-                let code = running.choose(options, || f32_codes.get(model.tables_f32(), options.instructions));
+                let code =
+                    running.choose(options, discrete, || f32_codes.get(model.tables_f32(), options.instructions));
                 Box::new(Batch::<f32x16>::new(model, nworld, worker_code(code), pool, options, restart)?)
             }
         };
@@ -572,33 +442,4 @@ pub(crate) fn key_state(model: &Model, key: Option<usize>) -> Result<Key, Error>
     let Some(k) = key else { return Ok(model.initial_key()) };
     let n = model.keys().len();
     model.keys().get(k).cloned().ok_or_else(|| Error::Unknown(format!("there is no keyframe {k}: the model has {n}")))
-}
-
-/// Tables of the model for a number type.
-pub trait Tables: Real {
-    /// Tables rounded to this type.
-    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<Self>>;
-
-    /// The tables, rounded to this type.
-    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<Self>>;
-}
-
-impl Tables for f64 {
-    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<f64>> {
-        Arc::new(tables)
-    }
-
-    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f64>> {
-        model.tables()
-    }
-}
-
-impl Tables for f32 {
-    fn rounded(tables: lanesim_kernels::model::Model<f64>) -> Arc<lanesim_kernels::model::Model<f32>> {
-        Arc::new(tables.cast())
-    }
-
-    fn tables(model: &Model) -> &Arc<lanesim_kernels::model::Model<f32>> {
-        model.tables_f32()
-    }
 }

@@ -127,7 +127,9 @@ fn steps_do_not_allocate() {
         let reset = Options { on_diverge: OnDiverge::Reset { key: None }, ..options(Precision::F64, Backend::Auto) };
         assert_silent(&format!("ant with {option}={value}"), &model, &reset);
     }
-    for (model, integrator) in [("zoo/ant", "RK4"), ("zoo/humanoid18", "implicit"), ("unit/rk4", "implicitfast")] {
+    for (model, integrator) in
+        [("zoo/ant", "RK4"), ("zoo/humanoid18", "implicit"), ("unit/rk4", "implicitfast"), ("zoo/ant", "discrete")]
+    {
         let model = support::load_with(model, &[("integrator", integrator)]);
         assert_silent(integrator, &model, &options(Precision::F32, Backend::Auto));
     }

@@ -246,7 +246,7 @@ fn every_solver_and_cone() {
 #[test]
 fn every_integrator() {
     let ids: Vec<usize> = (0..DIFFERENT).collect();
-    for integrator in ["RK4", "implicitfast", "implicit"] {
+    for integrator in ["RK4", "implicitfast", "implicit", "discrete"] {
         for name in ["zoo/humanoid27", "zoo/chain31", "zoo/box_stack", "unit/rk4"] {
             let model = load_with(name, &[("integrator", integrator)]);
             for precision in PRECISIONS {

@@ -295,7 +295,8 @@ fn each_parameter_may_vary_alone() {
 #[test]
 fn whatever_the_solver_the_cone_and_the_integrator() {
     let solvers = ["solver='PGS'", "solver='CG'", "cone='elliptic'", "cone='elliptic' noslip_iterations='3'"];
-    let integrators = ["integrator='RK4'", "integrator='implicitfast'", "integrator='implicit'"];
+    let integrators =
+        ["integrator='RK4'", "integrator='implicitfast'", "integrator='implicit'", "integrator='discrete'"];
     for text in solvers.into_iter().chain(integrators) {
         for backend in [Backend::Wide, Backend::Native] {
             assert_compiled(&all(), text, &options(Precision::F64, backend));

@@ -10,6 +10,7 @@ use lanesim::model::ArrayData;
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Field, Model, Precision, Worlds};
+use lanesim_kernels::options::Integrator;
 use support::golden::{Failures, Golden};
 use support::{agree, assert_agree, options, parse};
 
@@ -364,7 +365,9 @@ fn solutions_are_optimal() {
         "efc_id",
     ];
     let mut failures = Failures::default();
-    for golden in Golden::all() {
+    // Discrete steps weigh accelerations by M - h D where the step ends (`tests/steps.rs`).
+    let continuous = |golden: &Golden| golden.model.tables().options.integrator != Integrator::Discrete;
+    for golden in Golden::all().into_iter().filter(continuous) {
         let ours = golden.eval(&fields, 0, &options(Precision::F64, Backend::Wide));
         let nv = golden.model.tables().sizes.nv;
         let loss = reals(&golden.model, "dof_frictionloss");

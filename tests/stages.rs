@@ -105,6 +105,8 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
     match (stage, field) {
         // Of trees with a derivative of the bias force.
         ("derivative", "upper" | "turn" | "gain") => model.options.integrator == Integrator::Implicit,
+        ("derivative", "metric" | "pull" | "joined") => model.options.integrator == Integrator::Discrete,
+        ("derivative", "inverse") => model.options.integrator != Integrator::Discrete,
         ("solver", _) => ["qacc", "qfrc_constraint"].contains(&field),
         ("acceleration", "residual" | "twist") | (_, "multipliers") => false,
         // Poses of geoms wait until a pair needs them.
@@ -364,7 +366,8 @@ fn the_smooth_acceleration_solves_its_equation() {
     for name in all_models() {
         let model = load(&name);
         let ws = forward(&model, &world(&model, &mut Random(13)));
-        let rows = dense(model.tables(), &ws.inertia.m);
+        let discrete = model.tables().options.integrator == Integrator::Discrete;
+        let rows = dense(model.tables(), if discrete { &ws.derivative.metric } else { &ws.inertia.m });
         let force: Vec<f64> = rows.iter().map(|row| dot(row, &ws.acceleration.qacc_smooth)).collect();
         // Backward error: relative to the largest product in the sum, not to the sum.
         let size =

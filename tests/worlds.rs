@@ -10,7 +10,7 @@ use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds, noise};
 use lanesim_kernels::pipeline::Stage;
-use support::{all_models, fails, load, load_with, options, parse};
+use support::{all_models, every_output, fails, load, load_with, options, parse};
 
 fn wide() -> Options {
     options(Precision::F64, Backend::Wide)
@@ -92,10 +92,10 @@ fn wrong_inputs_of_eval_are_named() {
 #[test]
 fn what_is_not_built_yet_says_so() {
     let path = support::repository("models/zoo/hopper.xml");
-    let overrides = vec![("integrator".to_string(), "discrete".to_string())];
+    let overrides = vec![("sleep".to_string(), "enable".to_string())];
     let options = lanesim::mjcf::LoadOptions { overrides, lenient: false };
     let problem = lanesim::Model::from_xml_path(&path, &options).expect_err("not built").to_string();
-    assert!(problem.starts_with("option: integrator discrete is not supported (set integrator=\"Euler\""), "{problem}");
+    assert!(problem.starts_with("flag: sleep: sleeping trees are not supported (remove it"), "{problem}");
 }
 
 #[test]
@@ -239,8 +239,8 @@ fn eval_gives_names_shapes_and_padding() {
 fn every_output_has_the_length_that_it_announces() {
     for name in ["zoo/humanoid27", "unit/empty", "unit/zero_dof", "unit/ball_limit", "unit/frictionloss"] {
         let model = load(name);
-        let all: Vec<Output> = Output::all().map(|(name, _)| Output::named(name).expect("an output")).collect();
-        assert!(Output::all().all(|(name, meaning)| !name.is_empty() && !meaning.is_empty()));
+        let all: Vec<Output> = every_output(&model);
+        assert!(Output::all().all(|output| !output.name.is_empty() && !output.meaning.is_empty()));
         worlds(&model, 3)
             .forward(&all, &mut |_, values| {
                 for (output, values) in all.iter().zip(&values) {
@@ -263,7 +263,7 @@ fn every_output_is_the_same_alone() {
     {
         for solver in ["Newton", "PGS"] {
             let model = load_with(name, &[("solver", solver)]);
-            let all: Vec<Output> = Output::all().map(|(name, _)| Output::named(name).expect("an output")).collect();
+            let all: Vec<Output> = every_output(&model);
             let start = |height: f64| {
                 let mut worlds = worlds(&model, 10);
                 for world in 0..10 {

@@ -1,7 +1,5 @@
 //! Why there may be no code.
 
-use crate::isa::InstructionSet;
-
 /// Why a program could not be compiled. The caller runs its kernels over another lane instead.
 #[derive(Debug, thiserror::Error)]
 pub enum CompileError {
@@ -9,8 +7,8 @@ pub enum CompileError {
     #[error("no code generation for this platform: it needs x86-64 and not Windows")]
     Platform,
     /// The processor, or the system, lacks the instruction set.
-    #[error("this processor does not have {}", .0.name())]
-    Processor(InstructionSet),
+    #[error("this processor does not have {0}")]
+    Processor(&'static str),
     /// The system refused memory for code.
     #[error("no memory for code: {0}")]
     Memory(#[from] std::io::Error),

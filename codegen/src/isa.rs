@@ -37,7 +37,7 @@ impl InstructionSet {
                 InstructionSet::Avx2 => has!("avx2") && has!("fma"),
                 InstructionSet::Avx512 => has!("avx512f") && has!("avx512dq") && has!("avx512bw"),
             };
-            if present { Ok(()) } else { Err(CompileError::Processor(self)) }
+            if present { Ok(()) } else { Err(CompileError::Processor(self.name())) }
         }
         #[cfg(not(all(target_arch = "x86_64", unix)))]
         Err(CompileError::Platform)

@@ -50,14 +50,14 @@ impl<L: Lane> Stages<L> {
         position::kinematics(model.into(), qpos, &mut s.position);
         inertia::crb(model.into(), &s.position, &mut s.inertia);
         velocity::rne(model.into(), &s.position, &s.inertia, qvel, &mut s.velocity);
-        passive::passive(model.into(), &s.position, qpos, qvel, &mut s.passive);
+        passive::passive(model.into(), (&s.position, &s.velocity), qpos, qvel, &mut s.passive);
         let (qpos, qvel, ctrl) = (qpos.to_vec(), qvel.to_vec(), ctrl.to_vec());
         let state = State { qpos, qvel, ctrl, ..State::new(sizes) };
         let State { qpos, qvel, .. } = &state;
         let bad = actuation::actuation(model.into(), &state, &s.passive, &mut s.actuation);
         let a = &mut s.acceleration;
         acceleration::smooth_force(model, &s.position, &s.velocity, &s.passive, &s.actuation, None, a);
-        let singular = acceleration::smooth_acceleration(model.into(), &s.position, &s.inertia, a);
+        let singular = acceleration::smooth_acceleration(model.into(), &s.position, &s.inertia, None, a);
         let forces = [&a.qfrc_smooth[..], &vec![L::zero(); sizes.nv]];
         integration::euler(
             model.into(),

@@ -1,8 +1,10 @@
 //! The stages, from top to bottom, and the commit of what follows from them.
 
 use crate::collision::ConvexCollider;
+use crate::constraint::{self, Metric, Motion};
+use crate::derivative;
 use crate::double;
-use crate::drivers::{collision, constraint, solver};
+use crate::drivers::{self, collision, solver};
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model, Varied};
 use crate::part::{Executor, Kernels, Op, Part, Step};
@@ -79,10 +81,11 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
     }
     if step.runs(Stage::Constraint) {
         let idle = step.ws.collision.slots.is_empty() && findings.joint_rows & alive == 0;
-        if constraint::equalities(step, alive, run.executor) == 0 && idle {
+        if drivers::constraint::equalities(step, alive, run.executor) == 0 && idle {
             step.ws.constraint.clear();
         } else {
-            constraint::rows(step, alive, run.executor);
+            drivers::constraint::rows(step, alive, run.executor);
+            discretise(step);
         }
         step.end(Stage::Constraint);
     }
@@ -91,6 +94,7 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         let stiff = L::bits(double::lanes(&step.ws.constraint)) & solved.lanes;
         let unfinished = solver::solve(step, solved.lanes & !stiff, (run.residual, run.keep), run.executor);
         solved.unfinished = unfinished & solved.lanes;
+        release(step);
         if stiff != 0 {
             let Run { applied, varied, max_contacts, convex, keep, .. } = *run;
             let given = double::Given { applied, varied, max_contacts, convex, keep };
@@ -99,6 +103,28 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         step.end(Stage::Solver);
     }
     solved
+}
+
+/// Of a discrete step, the rows where it ends.
+fn discretise<L: LaneQuery>(step: &mut Step<'_, L>) {
+    let Workspace { position, velocity, inertia, derivative, collision, constraint, metric, .. } = &mut *step.ws;
+    if let Some(metric) = metric {
+        metric.m.copy_from_slice(&derivative.metric);
+        let motion = Motion { position, velocity, qvel: &step.state.qvel };
+        let metric = Metric { inertia: &inertia.m, step: &derivative.metric };
+        constraint::discretise(step.model, motion, metric, collision, constraint);
+    }
+}
+
+/// Of a discrete step, what free bodies gain that nothing holds.
+fn release<L: LaneQuery>(step: &mut Step<'_, L>) {
+    let (model, ws) = (step.model.model, &mut *step.ws);
+    if ws.metric.is_some() {
+        let Workspace { derivative, constraint, acceleration, integration, solver, .. } = ws;
+        let held = |dof: usize| constraint::held(model, constraint, dof);
+        let forces = (&acceleration.qfrc_smooth[..], &mut integration.qacc[..]);
+        derivative::release(model, derivative, &held, forces, &mut solver.fields.qacc);
+    }
 }
 
 /// The stages that do without constraints; without an executor where not all of them are wanted.

@@ -95,26 +95,31 @@ pub fn smooth<L: Lane>(
         end(Stage::Velocity);
     }
     if runs(Stage::Passive) {
-        passive::passive(model, position, &state.qpos, &state.qvel, passive);
+        passive::passive(model, (position, velocity), &state.qpos, &state.qvel, passive);
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {
         findings.bad_controls = actuation::actuation(model, state, passive, actuation);
         end(Stage::Actuation);
     }
-    if runs(Stage::Acceleration) {
-        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
-        findings.singular = acceleration::smooth_acceleration(model, position, inertia, acceleration);
-        if runs(Stage::Solver) {
-            findings.wild = acceleration::wild(&acceleration.qacc_smooth);
-        }
-        end(Stage::Acceleration);
-    }
     if runs(Stage::Derivative) {
         let stages = derivative::Stages { position, inertia, velocity, actuation };
         derivative::implicit(model, state, stages, derivative);
         derivative::factor(&model, derivative);
         end(Stage::Derivative);
+    }
+    if runs(Stage::Acceleration) {
+        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
+        let discrete = model.options.integrator == options::Integrator::Discrete;
+        let metric = discrete.then_some(&derivative.metric[..]);
+        if discrete {
+            acceleration.qfrc_smooth.iter_mut().zip(&derivative.pull).for_each(|(force, pull)| *force -= *pull);
+        }
+        findings.singular = acceleration::smooth_acceleration(model, position, inertia, metric, acceleration);
+        if runs(Stage::Solver) {
+            findings.wild = acceleration::wild(&acceleration.qacc_smooth);
+        }
+        end(Stage::Acceleration);
     }
     findings
 }

@@ -16,8 +16,8 @@ pub enum Stage {
     Velocity,
     Passive,
     Actuation,
-    Acceleration,
     Derivative,
+    Acceleration,
     Energy,
     Collision,
     Constraint,
@@ -33,8 +33,8 @@ impl Stage {
         (Stage::Velocity, "velocity"),
         (Stage::Passive, "passive"),
         (Stage::Actuation, "actuation"),
-        (Stage::Acceleration, "acceleration"),
         (Stage::Derivative, "derivative"),
+        (Stage::Acceleration, "acceleration"),
         (Stage::Energy, "energy"),
         (Stage::Collision, "collision"),
         (Stage::Constraint, "constraint"),
@@ -47,11 +47,15 @@ impl Stage {
         use Stage::{Acceleration, Actuation, Collision, Constraint, Inertia, Passive, Position, Solver, Velocity};
         match self {
             Position => &[],
-            Inertia | Collision | Passive => &[Position],
+            Inertia | Collision => &[Position],
+            // A medium resists velocities of links.
+            Passive => &[Position, Velocity],
             Velocity | Stage::Energy => &[Position, Inertia],
             Constraint => &[Position, Collision, Velocity],
             Actuation => &[Passive],
-            Acceleration | Stage::Derivative => &[Inertia, Velocity, Passive, Actuation],
+            Stage::Derivative => &[Inertia, Velocity, Passive, Actuation],
+            // In the metric of discrete steps.
+            Acceleration => &[Inertia, Velocity, Passive, Actuation, Stage::Derivative],
             Solver => &[Constraint, Acceleration],
             Stage::Integration => &[Solver, Stage::Derivative],
         }
@@ -78,7 +82,7 @@ impl Stage {
         match self {
             Stage::Collision => !model.pairs.is_empty(),
             Stage::Constraint => model.constrained(),
-            Stage::Derivative => matches!(model.options.integrator, Integrator::Implicit | Integrator::ImplicitFast),
+            Stage::Derivative => !matches!(model.options.integrator, Integrator::Euler | Integrator::Rk4),
             Stage::Passive => model.features.passive(),
             // Lengths are there to be read even where actuation is off.
             Stage::Actuation => !model.actuators.is_empty(),

@@ -8,17 +8,17 @@ fields! {
     pub struct State(sizes) {
         /// Time, s.
         pub time: Vec<L> = 1,
-        /// Positions.
+        /// Positions; m, rad, quaternions (w, x, y, z).
         pub qpos: Vec<L> = sizes.nq,
-        /// Velocities.
+        /// Velocities; m/s, rad/s.
         pub qvel: Vec<L> = sizes.nv,
         /// Activations.
         pub act: Vec<L> = sizes.na,
-        /// Controls.
+        /// Controls; kept from step to step.
         pub ctrl: Vec<L> = sizes.nu,
-        /// What constraints added to the smooth acceleration in the last step: the solver starts from it.
+        /// Where the solver starts: qacc - qacc_smooth of the last step, m/s^2, rad/s^2.
         pub qacc_warmstart: Vec<L> = sizes.nv,
-        /// Whether each equality constraint is active: not 0.
+        /// Whether each equality constraint is active, 1 or 0.
         pub eq_active: Vec<L> = sizes.neq,
     } L
 }
@@ -26,9 +26,9 @@ fields! {
 fields! {
     /// Forces from outside, allocated when they are first set.
     pub struct Applied(sizes) {
-        /// Generalised forces.
+        /// Generalised forces from outside; N, N m.
         pub qfrc_applied: Vec<L> = sizes.nv,
-        /// Per MJCF body: force, then torque, at the body's centre of mass, world axes.
+        /// Force (N) and torque (N m) on each body from outside, at its centre of mass, world axes.
         pub xfrc_applied: Vec<[L; 6]> = sizes.nbody,
     } L
 }
@@ -165,5 +165,5 @@ pub fn copy_lane<L: crate::lane::LaneQuery>(state: &mut State<L>, from: usize, t
 
 /// The number of lanes of state that a block keeps.
 pub fn state_len<L: Lane>(sizes: &crate::model::Sizes) -> usize {
-    1 + sizes.nq + 2 * sizes.nv + sizes.na + sizes.nu + sizes.neq
+    State::<L>::FIELDS.iter().map(|field| field.len(sizes)).sum()
 }

@@ -10,13 +10,18 @@ use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::{Integration, Rk4};
 use crate::lane::{Lane, LaneQuery};
-use crate::model::Model;
+use crate::model::{Model, Sizes};
+use crate::options::Integrator;
 use crate::passive::Passive;
 use crate::position::Position;
 use crate::smooth::Smooth;
 use crate::solver::SolverWork;
 use crate::stage::Stage;
 use crate::velocity::Velocity;
+
+fn discrete<T>(model: &Model<T>) -> bool {
+    model.options.integrator == Integrator::Discrete
+}
 
 /// What the stages write.
 #[derive(Clone, Debug)]
@@ -34,6 +39,8 @@ pub struct Workspace<L> {
     pub solver: SolverWork<L>,
     pub integration: Integration<L>,
     pub energy: Energy<L>,
+    /// What a solver of discrete steps has in place of the inertia: only the matrix is filled in.
+    pub metric: Option<Box<Inertia<L>>>,
     /// Of a model that is integrated so.
     pub rk4: Option<Box<Rk4<L>>>,
     /// For worlds that need double precision; there once one did.
@@ -78,6 +85,7 @@ impl<L: Lane> Workspace<L> {
             solver: SolverWork::new(model),
             integration: Integration::new(&of(Stage::Integration)),
             energy: Energy::new(sizes),
+            metric: discrete(model).then(|| Box::new(Inertia::new(&Sizes { nlink: 0, ..sizes.clone() }))),
             rk4: Rk4::new(model).map(Box::new),
             double: None,
         }
@@ -101,6 +109,7 @@ impl<L: Lane> Workspace<L> {
             Integration::<L>::bytes(&of(Stage::Integration)),
             Energy::<L>::bytes(sizes),
             Rk4::<L>::bytes(model),
+            if discrete(model) { Inertia::<L>::bytes(&Sizes { nlink: 0, ..sizes.clone() }) } else { 0 },
         ];
         let own = stages.into_iter().fold(0, usize::saturating_add);
         own.saturating_add(double::bytes::<L>(model, own))

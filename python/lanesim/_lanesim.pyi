@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-__all__ = ["Model", "OUTPUTS", "PARAMETERS", "Pool", "STATUS", "Worlds", "__version__", "check_finite", "or_list"]
+__all__ = ["FIELDS", "Model", "OUTPUTS", "PARAMETERS", "Pool", "STATUS", "Worlds", "__version__", "check_finite", "or_list"]
 
 __version__: str
 STATUS: list[tuple[str, int]]
+FIELDS: list[tuple[str, str, list[str]]]
 OUTPUTS: list[tuple[str, str]]
 PARAMETERS: list[tuple[str, str]]
 
@@ -45,6 +46,7 @@ class Model:
     def control_ranges(self) -> list[list[float]]: ...
     def mocap(self) -> tuple[list[list[float]], list[list[float]]]: ...
     def output(self, name: str) -> tuple[bool, list[int], bool]: ...
+    def field(self, name: str) -> list[tuple[str, int]]: ...
 
 @final
 class Pool:

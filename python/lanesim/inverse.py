@@ -27,6 +27,7 @@ def inverse(
     *,
     act: ArrayLike | None = None,
     ctrl: ArrayLike | None = None,
+    eq_active: ArrayLike | None = None,
     discrete: bool | None = None,
     threads: int | None = None,
     precision: str = "f64",
@@ -45,8 +46,10 @@ def inverse(
         act: Activations, [..., na]; None: zero.
         ctrl: Controls, [..., nu]; None: zero. They have no force here; with `discrete` they decide what actuators gain with
             velocity.
+        eq_active: Which equality constraints are active, [..., neq], 1 or 0; None: as the model has it.
         discrete: Whether `qacc` is what qvel gains over a step, divided by the time step, so that a step with the force
-            returned gives it back; otherwise it is the derivative of qvel. None: as the model's flag ``invdiscrete`` says.
+            returned gives it back; otherwise it is the derivative of qvel. None: as the model's flag ``invdiscrete`` says. With the
+            integrator ``discrete`` it always is.
         threads: Worker threads; None: as many as there are processors.
         precision: "f64" or "f32"; the result has that type.
         backend: As for `Worlds`; the same bits.
@@ -62,7 +65,13 @@ def inverse(
     check_model(model)
     if discrete is not None and bool(discrete) != model.opt.flags["invdiscrete"]:
         model = model.replace(invdiscrete=bool(discrete))
-    given = {"qpos": (qpos, "nq"), "qvel": (qvel, "nv"), "act": (act, "na"), "ctrl": (ctrl, "nu")}
+    given = {
+        "qpos": (qpos, "nq"),
+        "qvel": (qvel, "nv"),
+        "act": (act, "na"),
+        "ctrl": (ctrl, "nu"),
+        "eq_active": (eq_active, "neq"),
+    }
     accelerations = _arrays.numbers("qacc", qacc)
     leading = accelerations.shape[:-1]
     if accelerations.ndim == 0 or accelerations.shape[-1] != model.nv:

@@ -107,7 +107,7 @@ def check_model(model: Any) -> None:
 def output(model: "Model", name: Any) -> tuple[bool, list[int], bool]:
     """An output's (lengths equal in all worlds, shape per world or per entry, integer)."""
     known = dict(_lanesim.OUTPUTS)
-    if not isinstance(name, str) or name not in known:
+    if not isinstance(name, str) or (name not in known and ":" not in name):
         raise UnknownNameError(_arrays.unknown("output", name, known, "lanesim.OUTPUTS"))
     return model._m.output(name)
 

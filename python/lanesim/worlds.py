@@ -26,10 +26,13 @@ Ids = Union[ArrayLike, slice, None]
 """Which worlds: an array of their numbers, a mask [nworld] of bool, or a slice; None: all."""
 _FORCES = ("qfrc_applied", "xfrc_applied")
 _COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body": "nbody"}
-_KEPT = ("time", "qpos", "qvel", "act", "ctrl", "qacc_warmstart", "eq_active")
+_FIELDS = {name: (meaning, dims) for name, meaning, dims in _lanesim.FIELDS}
+_KEPT = tuple(name for name in _FIELDS if name not in _FORCES)
 
 
-def _field(name: str, doc: str) -> Any:
+def _field(name: str, more: str = "") -> Any:
+    meaning, dims = _FIELDS[name]
+
     def get(self: "Worlds") -> NDArray[Any]:
         array = self.get(name)
         array.flags.writeable = False
@@ -38,7 +41,7 @@ def _field(name: str, doc: str) -> Any:
     def set_(self: "Worlds", values: ArrayLike) -> None:
         self.set(name, values)
 
-    return property(get, set_, doc=doc)
+    return property(get, set_, doc=f"{meaning} [{', '.join(['nworld', *dims])}] {more}".rstrip())
 
 
 class Worlds:
@@ -155,24 +158,18 @@ class Worlds:
 
     # ---- state ---------------------------------------------------------------------------------------------------
 
-    time = _field("time", "Time, [nworld], s.")
-    qpos = _field("qpos", "Positions, [nworld, nq]; m, rad, quaternions (w, x, y, z).")
-    qvel = _field("qvel", "Velocities, [nworld, nv]; m/s, rad/s.")
-    act = _field("act", "Activations, [nworld, na].")
-    ctrl = _field("ctrl", "Controls, [nworld, nu]; kept from step to step.")
+    time = _field("time")
+    qpos = _field("qpos")
+    qvel = _field("qvel")
+    act = _field("act")
+    ctrl = _field("ctrl")
     qacc_warmstart = _field(
         "qacc_warmstart",
-        "Where the solver starts, [nworld, nv]; m/s^2, rad/s^2: ``qacc - qacc_smooth`` of the last step. MuJoCo's array of "
-        "that name holds ``qacc``; to start from one, set states and controls, then subtract ``get('qacc_smooth')``.",
+        "MuJoCo's array of that name holds ``qacc``; to start from one, set states and controls, then subtract ``get('qacc_smooth')``.",
     )
-    eq_active = _field(
-        "eq_active", "Whether each equality constraint is active, [nworld, neq]; 1 or 0. A reset restores the model's."
-    )
-    qfrc_applied = _field("qfrc_applied", "Generalised forces from outside, [nworld, nv]; N, N m.")
-    xfrc_applied = _field(
-        "xfrc_applied",
-        "Force (N) and torque (N m) on each body from outside, at its centre of mass, world axes, [nworld, nbody, 6].",
-    )
+    eq_active = _field("eq_active", "A reset restores the model's.")
+    qfrc_applied = _field("qfrc_applied")
+    xfrc_applied = _field("xfrc_applied")
 
     @property
     def mocap_pos(self) -> NDArray[Any]:
@@ -274,25 +271,15 @@ class Worlds:
     def _row(self, name: str) -> list[tuple[str, int]]:
         """A field's dimensions after the first."""
         m = self._model
-        rows: dict[str, list[tuple[str, int]]] = {
-            "time": [],
-            "qpos": [("nq", m.nq)],
-            "qvel": [("nv", m.nv)],
-            "act": [("na", m.na)],
-            "ctrl": [("nu", m.nu)],
-            "qacc_warmstart": [("nv", m.nv)],
-            "eq_active": [("neq", m.neq)],
-            "qfrc_applied": [("nv", m.nv)],
-            "xfrc_applied": [("nbody", m.nbody), ("", 6)],
-            "state": [("nstate", 1 + m.nq + m.nv + m.na)],
-        }
+        rows: dict[str, list[tuple[str, int]]] = {field: m._m.field(field) for field in _FIELDS}
+        rows["state"] = [("nstate", 1 + m.nq + m.nv + m.na)]
         if isinstance(name, str) and name in PARAMETERS:
             shape = getattr(m, name).shape
             return list(zip([_COUNTS.get(name.split("_")[0], ""), ""], shape))
         if isinstance(name, str) and m._m.array(name) is not None:
             self._w.parameter(name)  # Which says why it cannot.
         if not isinstance(name, str) or name not in rows:
-            if isinstance(name, str) and name in dict(_lanesim.OUTPUTS):
+            if isinstance(name, str) and name.split(":")[0] in {known.split(":")[0] for known, _ in _lanesim.OUTPUTS}:
                 raise UnknownNameError(f'"{name}" is computed, not set; what can be set is {", ".join(rows)}')
             raise UnknownNameError(_arrays.unknown("field", name, [*rows, *PARAMETERS], "help(Worlds.set)"))
         return rows[name]
@@ -319,7 +306,7 @@ class Worlds:
     def get(self, name: list[str] | tuple[str, ...], *, ids: Ids = None) -> dict[str, NDArray[Any]]: ...
     def get(self, name: str | list[str] | tuple[str, ...], out: NDArray[Any] | None = None, *, ids: Ids = None) -> Any:
         """A field of every world or of those that `ids` names, or several fields at once as a dict; `lanesim.OUTPUTS`
-        describes them.
+        describes them. The Jacobian of a point, [nworld, 6, nv] as by ``mj_jacSite``, is ``jac_site:NAME``, and so on.
 
         State fields are copied; derived ones (``xpos``, ``qM``, ``qacc``, ``contact_dist``, ...) are computed for the
         present state, as `forward` does. Shapes are MuJoCo's with a leading [nworld], or [len(ids)]. Where worlds differ in
@@ -521,7 +508,7 @@ class Worlds:
 
     def _kept(self) -> tuple[str, ...]:
         """Fields of a saved state."""
-        return _KEPT if self._model.neq else _KEPT[:-1]
+        return tuple(name for name in _KEPT if name != "eq_active" or self._model.neq)
 
     def save_state(self) -> dict[str, NDArray[Any]]:
         """All that is kept of the worlds, bit by bit: a dict of arrays, fit for ``np.savez`` and for `load_state`."""

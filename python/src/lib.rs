@@ -35,6 +35,9 @@ mod _lanesim {
         module.add("STATUS", super::worlds::status_bits())?;
         let parameters = lanesim::Parameter::ALL.map(|(parameter, name)| (name, parameter.meaning()));
         module.add("PARAMETERS", parameters.to_vec())?;
-        module.add("OUTPUTS", lanesim::outputs::Output::all().collect::<Vec<_>>())
+        let fields = lanesim::Field::ALL.map(|(field, name)| (name, field.meaning(), field.dims()));
+        module.add("FIELDS", fields.to_vec())?;
+        let outputs = lanesim::outputs::Output::all().map(|output| (output.name, output.meaning));
+        module.add("OUTPUTS", outputs.collect::<Vec<_>>())
     }
 }

@@ -7,7 +7,6 @@ use std::sync::{Arc, Mutex};
 use lanesim::Diagnostics;
 use lanesim::mjcf::{self, Asset, Document, Include, LoadOptions};
 use lanesim::model::{ArrayData, Names};
-use lanesim::outputs::Output;
 use lanesim::spec::Spec;
 use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
@@ -242,8 +241,14 @@ impl Model {
 
     /// An output's (lengths equal in all worlds, shape per world or per entry, integer).
     fn output(&self, py: Python<'_>, name: &str) -> PyResult<(bool, Vec<usize>, bool)> {
-        let output = Output::named(name).map_err(|e| failure::raise(py, e))?;
+        let output = self.model.output(name).map_err(|e| failure::raise(py, e))?;
         let (fixed, shape) = output.shape(&self.model);
         Ok((fixed, shape, output.is_integer()))
+    }
+
+    /// A field's dimensions after the worlds': names, empty where all models have the same, and counts.
+    fn field(&self, py: Python<'_>, name: &str) -> PyResult<Vec<(&'static str, usize)>> {
+        let unknown = || failure::raise(py, lanesim::Error::Unknown(format!("there is no field {name}")));
+        lanesim::Field::named(name).map(|field| field.shape(&self.model)).ok_or_else(unknown)
     }
 }

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Instant;
 
-use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided};
 use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Plan, Precision, Reading, Rollout};
 use lanesim_kernels::state::Status;
@@ -146,8 +145,7 @@ impl Worlds {
 }
 
 fn field(py: Python<'_>, name: &str) -> PyResult<Field> {
-    let found = Field::ALL.iter().find(|(_, known)| *known == name).map(|(field, _)| *field);
-    found.ok_or_else(|| raise(py, Error::Unknown(format!("there is no field {name}"))))
+    Field::named(name).ok_or_else(|| raise(py, Error::Unknown(format!("there is no field {name}"))))
 }
 
 /// What a list of worlds is padded to, the numbers, and whether they are integers.
@@ -279,8 +277,9 @@ impl Worlds {
         });
         let rows = rows.collect::<PyResult<Vec<_>>>()?;
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>();
-        let derived = names.is_empty() || Plan::forward(&outputs.map_err(|e| raise(py, e))?).derived;
+        let outputs = names.iter().map(|name| worlds.model().output(name)).collect::<Result<Vec<_>, _>>();
+        let outputs = outputs.map_err(|e| raise(py, e))?;
+        let derived = names.is_empty() || Plan::forward(&outputs).derived;
         let entries: usize = rows.iter().map(Rows::len).sum();
         let short = entries < MANY && (!derived || pace.is_short(nworld as f64));
         let (cancel, start) = (AtomicBool::new(false), Instant::now());
@@ -290,12 +289,11 @@ impl Worlds {
         if derived && !worlds.any_lost() {
             pace.learn(start.elapsed().as_secs_f64(), nworld as f64);
         }
-        let padded = targets.iter().zip(lists).zip(names).map(|((target, list), name)| {
+        let padded = targets.iter().zip(lists).zip(outputs).map(|((target, list), output)| {
             if target.is_some() {
                 return Ok(None);
             }
-            let integer = Output::named(name).is_ok_and(|output| output.is_integer());
-            pad(py, list, integer).map(Some)
+            pad(py, list, output.is_integer()).map(Some)
         });
         padded.collect()
     }
@@ -338,7 +336,8 @@ impl Worlds {
         ids: Option<Ids<'_>>,
     ) -> PyResult<()> {
         let ids = numbers_of(ids)?;
-        let outputs = names.iter().map(|name| Output::named(name)).collect::<Result<Vec<_>, _>>();
+        let model = self.acquire(py)?.state.worlds.model().clone();
+        let outputs = names.iter().map(|name| model.output(name)).collect::<Result<Vec<_>, _>>();
         let outputs = outputs.map_err(|e| raise(py, e))?;
         let rows = targets.iter_mut().map(Target::rows).collect::<PyResult<Vec<_>>>()?;
         let controls = match &controls {

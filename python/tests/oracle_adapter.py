@@ -23,7 +23,7 @@ STATE_FIELDS = (
 ).split()
 CONTACT_FIELDS = "dim dist pos frame friction margin efc".split()
 ROW_FIELDS = "efc_type efc_id efc_J efc_pos efc_D efc_R efc_aref efc_force".split()
-INPUTS = "time qpos qvel act ctrl qfrc_applied xfrc_applied mocap_pos mocap_quat".split()
+INPUTS = "time qpos qvel act ctrl qfrc_applied xfrc_applied mocap_pos mocap_quat eq_active".split()
 
 
 def known(names):
@@ -47,7 +47,9 @@ class Adapter:
 
     def model_fields(self, model):
         """Compile-time arrays."""
-        return {name: getattr(model, name) for name in MODEL_FIELDS if name in model.array_names}
+        fields = {name: getattr(model, name) for name in MODEL_FIELDS if name in model.array_names}
+        # That which acts is asked for.
+        return {**fields, "gravity": fields["gravity"] * model.opt.flags["gravity"]}
 
     def worlds(self, model, state):
         """One world in a state."""

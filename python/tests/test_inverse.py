@@ -68,8 +68,40 @@ def test_bad_input_is_named(ant):
     bad[1, 2, 3] = np.nan
     with pytest.raises(lanesim.InputError, match=r"array `qacc` holds NaN at \[1, 2, 3\]"):
         lanesim.inverse(ant, qpos, qvel, bad)
+    with pytest.raises(lanesim.InputError, match=r"array `qacc` holds NaN at \[1, 3\]"):
+        lanesim.Worlds(ant, 3).inverse(bad[:, 2])
+    with pytest.raises(lanesim.InputError, match=r"array `qpos` has shape \[3, 20, 15\]; expected \[3, 19, nq=15\]"):
+        lanesim.inverse(ant, qpos, qvel[:, 1:], qacc[:, 1:])
     worlds = lanesim.Worlds(ant, 2)
     with pytest.raises(lanesim.InputError, match=r"array `qacc` has shape \[3, 14\]; expected \[nworld=2, nv=14\]"):
         worlds.inverse(np.zeros((3, ant.nv)))
     with pytest.raises(lanesim.OptionError, match="do not go with integrator RK4"):
         lanesim.inverse(ant.replace(integrator="RK4"), qpos, qvel, qacc, discrete=True)
+
+
+def test_active_constraints_are_an_input():
+    model = lanesim.Model.from_xml_path(MODELS / "zoo/four_bar.xml")
+    state = [np.full((2, n), 0.2) for n in (model.nq, model.nv, model.nv)]
+    force = lanesim.inverse(model, *state, eq_active=[[1] * model.neq, [0] * model.neq])
+    np.testing.assert_array_equal(force[0], lanesim.inverse(model, *state)[0])
+    assert np.abs(force[1] - force[0]).max() > 1e-3
+    with pytest.raises(lanesim.InputError, match="eq_active"):
+        lanesim.inverse(model, *state, eq_active=np.full((2, model.neq), 0.5))
+
+
+@pytest.mark.parametrize(
+    "equality, message",
+    [
+        ("<connect body1='q' anchor='0 0 0'/>", "body1 names an unknown body"),
+        ("<weld body1='a' body2='a'/>", "is held to itself"),
+        ("<joint joint1='x' polycoef='1 2 3 4 5 6'/>", "expected at most 5 numbers, found 6"),
+        ("<joint joint1='x' joint2='y'/><joint joint1='y' joint2='x'/>", "in a circle"),
+    ],
+)
+def test_bad_equality_constraints_are_named(equality, message):
+    xml = (
+        "<mujoco><worldbody><body name='a'><joint name='x'/><joint name='y'/><geom size='.1'/></body></worldbody>"
+        f"<equality>{equality}</equality></mujoco>"
+    )
+    with pytest.raises(lanesim.ModelError, match=message):
+        lanesim.Model.from_xml_string(xml)

@@ -136,7 +136,7 @@ def test_changes_after_loading_count() -> None:
             "<actuator><motor site='s' gear='0 0 1 0 0 0'/></actuator>",
             "MjModel: general.*: transmission through a site",
         ),
-        ("<option density='1.2'/>", "", "fluid forces"),
+        ("<option><flag sleep='enable'/></option>", "", "sleeping trees"),
     ],
 )
 def test_what_is_not_supported_is_refused_with_the_reason(head, tail, reason) -> None:

@@ -21,13 +21,13 @@ use crate::group::{self, Group};
 use crate::memory;
 use crate::model::{Key, Model};
 use crate::noise;
+use crate::options::Tables;
 use crate::outputs::{Buffers, Output, View};
 use crate::pace::Paces;
 use crate::plan::Plan;
 use crate::pool::Pool;
 use crate::rollout::{Controls, Rollout, Statistics, Trajectories};
 use crate::rows::Rows;
-use crate::worlds::Tables;
 
 /// Worlds for which controls are drawn together.
 const DRAWS: usize = 8;

@@ -8,9 +8,9 @@ use lanesim_kernels::lane::{LaneQuery, Real};
 
 use super::{Batch, Crew, Job, Worker};
 use crate::block::Block;
+use crate::options::Tables;
 use crate::plan::Plan;
 use crate::rows::{Rows, Strided};
-use crate::worlds::Tables;
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
     /// Writes every world's force for its row of accelerations; NaN where the world is frozen or its state cannot be stepped.

@@ -110,9 +110,9 @@ impl RunArgs {
     }
 }
 
-/// Outputs by their names, each once.
-pub fn outputs(names: &[String]) -> Result<Vec<Output>, Failure> {
-    unique(names)?.into_iter().map(|name| Ok(Output::named(name)?)).collect()
+/// Outputs of a model by their names.
+pub fn outputs(model: &Model, names: &[&str]) -> Result<Vec<Output>, Failure> {
+    names.iter().map(|name| Ok(model.output(name)?)).collect()
 }
 
 /// The names without blanks around them; an error if one comes twice or is that of a file.
@@ -154,17 +154,22 @@ pub fn keyframe(model: &Model, text: &str) -> Result<usize, Failure> {
     }
 }
 
-/// An output's values as an array with its name; `leading` are the dimensions before the output's own.
-pub fn named(output: &Output, model: &Model, leading: &[usize], values: Vec<f64>) -> Result<(String, Array), Failure> {
+/// An output's values as an array called `name`; `leading` are the dimensions before the output's own.
+pub fn named(
+    (name, output): (&str, &Output),
+    model: &Model,
+    leading: &[usize],
+    values: Vec<f64>,
+) -> Result<(String, Array), Failure> {
     let shape = [leading, &output.shape(model).1].concat();
     let data = match output.is_integer() {
         true => Data::I32(values.into_iter().map(|x| x as i32).collect()),
         false => Data::F64(values),
     };
     let array = Array::new(shape, data).ok_or_else(|| {
-        Failure::Input(format!("output {} does not have the size that it says; please report this", output.name()))
+        Failure::Input(format!("output {name} does not have the size that it says; please report this"))
     })?;
-    Ok((output.name().to_owned(), array))
+    Ok((name.to_owned(), array))
 }
 
 /// Sets a field of every world from an array with one row per world.

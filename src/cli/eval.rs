@@ -4,14 +4,12 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
-use lanesim::model::Key;
 use lanesim::npz::{Array, Data};
-use lanesim::outputs::Output;
 use lanesim::{Field, Model};
 
 use super::arrays::{Dim, Inputs};
 use super::destination::Destination;
-use super::engine::{self, Loaded, size};
+use super::engine::{self, Loaded};
 use super::failure::Failure;
 use super::{InputArgs, KeyArgs, ModelArgs, RunArgs, memory, output, with_outputs};
 
@@ -55,23 +53,14 @@ pub struct Eval {
 const PASSED_OVER: [&str; 2] = ["mocap_pos", "mocap_quat"];
 
 /// Shape of a field after the number of states.
-fn shape(field: Field, model: &Model) -> Vec<Dim> {
-    let dim = |name| Dim(name, size(model, name));
-    match field {
-        Field::Time => vec![],
-        Field::Qpos => vec![dim("nq")],
-        Field::Qvel | Field::QaccWarmstart | Field::QfrcApplied => vec![dim("nv")],
-        Field::Act => vec![dim("na")],
-        Field::Ctrl => vec![dim("nu")],
-        Field::EqActive => vec![dim("neq")],
-        Field::XfrcApplied => vec![dim("nbody"), Dim("", 6)],
-    }
+pub fn shape(field: Field, model: &Model) -> Vec<Dim> {
+    field.shape(model).into_iter().map(|(name, count)| Dim(name, count)).collect()
 }
 
 /// The number of states, and the dimensions before a state's own: that number, or worlds and steps as a rollout writes them.
 pub fn leading(inputs: &Inputs, model: &Model) -> Result<(usize, Vec<Dim>), Failure> {
     let Some((name, given)) = inputs.first() else { return Ok((1, vec![Dim("N", 1)])) };
-    let field = Field::ALL.into_iter().find(|(_, known)| *known == name).map(|(field, _)| field);
+    let field = Field::named(name);
     // An acceleration has one row, as fields have; time has none.
     let own = field.map_or(usize::from(name == "qacc"), |field| shape(field, model).len());
     let dims = match given[..given.len().saturating_sub(own)] {
@@ -87,19 +76,6 @@ pub fn leading(inputs: &Inputs, model: &Model) -> Result<(usize, Vec<Dim>), Fail
     Ok((count, dims))
 }
 
-/// A field of a keyframe.
-fn start(field: Field, key: &Key) -> Option<Vec<f64>> {
-    match field {
-        Field::Time => Some(vec![key.time]),
-        Field::Qpos => Some(key.qpos.clone()),
-        Field::Qvel => Some(key.qvel.clone()),
-        Field::Act => Some(key.act.clone()),
-        Field::Ctrl => Some(key.ctrl.clone()),
-        Field::EqActive => Some(key.eq_active.clone()),
-        Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
-    }
-}
-
 impl Eval {
     /// Checks everything, then computes, then writes.
     pub fn run(self) -> Result<(), Failure> {
@@ -111,7 +87,7 @@ impl Eval {
         let key = self.start.find(&model)?;
         let (n, states) = self.states(&model, key)?;
         let width: usize =
-            fields.iter().filter_map(|name| Output::named(name).ok()).filter_map(|output| output.width(&model)).sum();
+            fields.iter().filter_map(|name| model.output(name).ok()).filter_map(|output| output.width(&model)).sum();
         memory::check("the fields", &[n, width, size_of::<f64>()], self.run.max_memory)?;
         self.run.check_memory(&model, n)?;
         let arrays = lanesim::eval::eval(&model, &states, &fields, self.steps as usize, &self.run.options(key))?;
@@ -122,16 +98,15 @@ impl Eval {
     fn states(&self, model: &Model, key: Option<usize>) -> Result<(usize, BTreeMap<String, Array>), Failure> {
         let mut inputs = Inputs::read(&self.input, self.limit.input_limit)?;
         PASSED_OVER.iter().for_each(|name| inputs.drop(name));
-        let fields = Field::ALL.into_iter().filter(|(field, _)| *field != Field::QaccWarmstart);
-        inputs.check_names(&fields.clone().map(|(_, name)| name).collect::<Vec<_>>())?;
+        inputs.check_names(&lanesim::eval::inputs().map(Field::name).collect::<Vec<_>>())?;
         let (n, leading) = leading(&inputs, model)?;
         let key = key.and_then(|key| model.keys().get(key));
         let mut states = BTreeMap::new();
-        for (field, name) in fields {
-            let own = shape(field, model);
+        for field in lanesim::eval::inputs() {
+            let (name, own) = (field.name(), shape(field, model));
             let expected: Vec<Dim> = leading.iter().copied().chain(own.iter().copied()).collect();
             let lengths: Vec<usize> = std::iter::once(n).chain(own.iter().map(|dim| dim.1)).collect();
-            let values = match (inputs.take(name, &expected)?, key.and_then(|key| start(field, key))) {
+            let values = match (inputs.take(name, &expected)?, key.and_then(|key| key.field(field))) {
                 (Some(values), _) => values,
                 (None, Some(row)) => {
                     memory::check("the states", &[n, row.len(), size_of::<f64>()], self.run.max_memory)?;

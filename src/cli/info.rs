@@ -42,8 +42,9 @@ pub struct Info {
 impl Info {
     /// Prints sizes, memory, options and what was left out.
     pub fn run(self) -> Result<(), Failure> {
-        let outputs = engine::outputs(&self.outputs)?;
+        let names = engine::unique(&self.outputs)?;
         let Loaded { model, seconds, .. } = engine::load(&self.model)?;
+        let outputs = engine::outputs(&model, &names)?;
         let memory = Worlds::memory_of(&model, &self.run.options(None));
         if let Some(part) = &self.disassembly {
             return disassembly(&self.code(&model)?, part);

@@ -19,8 +19,8 @@ Examples:
   lanesim inverse arm.xml --states motion.npz -o forces.npz
   lanesim inverse arm.xml --states motion.npz -o forces.npz --option integrator=implicitfast --option invdiscrete=enable
 
-motion.npz holds qpos [N, nq], qvel [N, nv] and qacc [N, nv], and may hold time [N], act [N, na] and ctrl [N, nu]; or all of them with
-[nworld, nstep, ...] in place of [N, ...]. The result is `qfrc_inverse` [N, nv] or [nworld, nstep, nv]: the generalised force, N or N m, that
+motion.npz holds qpos [N, nq], qvel [N, nv] and qacc [N, nv], and may hold time [N], act [N, na], ctrl [N, nu] and
+eq_active [N, neq]; or all of them with [nworld, nstep, ...] in place of [N, ...]. The result is `qfrc_inverse` [N, nv] or [nworld, nstep, nv]: the generalised force, N or N m, that
 must come from actuators and from outside. With the flag invdiscrete, qacc is what qvel gains over a step, divided by the time step.";
 
 /// Arguments of `inverse`.
@@ -31,7 +31,7 @@ pub struct Inverse {
     model: ModelArgs,
     #[command(flatten)]
     run: RunArgs,
-    /// File with states and accelerations: qpos, qvel, qacc, and perhaps time, act, ctrl
+    /// File with states and accelerations: qpos, qvel, qacc, and perhaps time, act, ctrl, eq_active
     #[arg(long, visible_alias = "input", value_name = "S.npz", value_hint = ValueHint::FilePath)]
     states: PathBuf,
     #[command(flatten)]
@@ -41,7 +41,8 @@ pub struct Inverse {
 }
 
 /// Names of the arrays, and whether there must be one.
-const ARRAYS: [(&str, bool); 5] = [("qpos", true), ("qvel", true), ("qacc", true), ("act", false), ("ctrl", false)];
+const ARRAYS: [(&str, bool); 6] =
+    [("qpos", true), ("qvel", true), ("qacc", true), ("act", false), ("ctrl", false), ("eq_active", false)];
 
 impl Inverse {
     /// Checks everything, then computes, then writes.
@@ -64,7 +65,7 @@ impl Inverse {
         let nv = size(model, "nv");
         let mut arrays = BTreeMap::new();
         for (name, required) in ARRAYS {
-            let field = Field::ALL.into_iter().find(|(_, known)| *known == name).map(|(field, _)| field);
+            let field = Field::named(name);
             let width = field.map_or(nv, |field| field.len(model));
             let expected: Vec<Dim> = leading.iter().copied().chain([Dim("", width)]).collect();
             let Some(values) = inputs.take(name, &expected)? else {

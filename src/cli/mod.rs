@@ -204,8 +204,8 @@ fn name_value(text: &str) -> Result<(String, String), String> {
 
 /// The end of a command's long help: examples, and what can be asked for.
 fn with_outputs(examples: &str) -> String {
-    let width = Output::all().map(|(name, _)| name.len()).max().unwrap_or(0);
-    let lines: String = Output::all().map(|(name, what)| format!("  {name:<width$}  {what}\n")).collect();
+    let width = Output::all().map(|output| output.name.len()).max().unwrap_or(0);
+    let lines: String = Output::all().map(|o| format!("  {:<width$}  {}\n", o.name, o.meaning)).collect();
     format!(
         "{examples}\n\nOutputs (all but those of contacts and constraint rows have the same length in every world):\n{lines}"
     )

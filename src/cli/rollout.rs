@@ -69,12 +69,13 @@ pub struct Rollout {
 impl Rollout {
     /// Checks everything, then runs, then writes.
     pub fn run(self) -> Result<(), Failure> {
-        let outputs = engine::outputs(&self.outputs)?;
+        let names = engine::unique(&self.outputs)?;
         let inputs = [Some(&self.model.model), self.controls.as_ref(), self.states.as_ref()];
         self.output.check(inputs.into_iter().flatten())?;
         let Loaded { model, includes, .. } = engine::load(&self.model)?;
         self.output.check(&includes)?;
         output::losses(&model);
+        let outputs = engine::outputs(&model, &names)?;
         let width: usize = outputs.iter().filter_map(|o| o.width(&model)).sum();
         memory::check("the outputs", &[self.worlds, self.steps, width, size_of::<f64>()], self.run.max_memory)?;
         let controls = self.controls(&model)?;
@@ -97,7 +98,7 @@ impl Rollout {
         let seconds = start.elapsed().as_secs_f64();
         progress.finish();
         let mut arrays = Vec::new();
-        for (output, values) in outputs.iter().zip(result.outputs) {
+        for (output, values) in names.iter().copied().zip(&outputs).zip(result.outputs) {
             arrays.push(engine::named(output, &model, &[self.worlds, self.steps], values)?);
         }
         self.output.write(&arrays)?;
@@ -120,12 +121,9 @@ impl Rollout {
         let Some(path) = &self.states else { return Ok(()) };
         let mut inputs = Inputs::read(path, self.input.input_limit)?;
         inputs.check_names(&["time", "qpos", "qvel"])?;
-        for (field, width) in [
-            (Field::Time, None),
-            (Field::Qpos, Some(Dim("nq", size(model, "nq")))),
-            (Field::Qvel, Some(Dim("nv", size(model, "nv")))),
-        ] {
-            let shape: Vec<Dim> = std::iter::once(Dim("nworld", self.worlds)).chain(width).collect();
+        for field in [Field::Time, Field::Qpos, Field::Qvel] {
+            let own = super::eval::shape(field, model);
+            let shape: Vec<Dim> = std::iter::once(Dim("nworld", self.worlds)).chain(own).collect();
             if let Some(values) = inputs.take(field.name(), &shape)? {
                 set_all(worlds, field, &values)?;
             }

@@ -204,16 +204,16 @@ fn check_options(spec: &Spec, diagnostics: &mut Diagnostics) {
     for (name, vector) in [("gravity", &o.gravity), ("wind", &o.wind), ("magnetic", &o.magnetic)] {
         check(name, &|e| _ = e.finite(name, vector));
     }
-    for (name, x) in [("density", o.density), ("viscosity", o.viscosity), ("o_margin", o.o_margin)] {
-        check(name, &|e| _ = e.finite(name, &[x]));
-    }
-    let tolerances = [
+    check("o_margin", &|e| _ = e.finite("o_margin", &[o.o_margin]));
+    let sizes = [
+        ("density", o.density),
+        ("viscosity", o.viscosity),
         ("tolerance", o.tolerance),
         ("ls_tolerance", o.ls_tolerance),
         ("noslip_tolerance", o.noslip_tolerance),
         ("ccd_tolerance", o.ccd_tolerance),
     ];
-    for (name, x) in tolerances {
+    for (name, x) in sizes {
         check(name, &|e| e.not_negative(name, &[x]));
     }
     check("o_solref", &|e| e.solref("o_solref", &o.o_solref));

@@ -1,7 +1,7 @@
 //! Impedance of constraints; joint limits and dry friction.
 
 use lanesim_kernels::model::{FrictionLoss, Impedance, Limit};
-use lanesim_kernels::options::Options;
+use lanesim_kernels::options::{Integrator, Options};
 
 use super::bounds;
 use super::check::dof_count;
@@ -12,13 +12,24 @@ const MINVAL: f64 = 1e-15;
 const MINIMP: f64 = 1e-4;
 const MAXIMP: f64 = 0.9999;
 
-/// Impedance and reference from `solref` and `solimp`, clamped to what they may be.
-pub(crate) fn impedance(options: &Options, solref: [f64; 2], solimp: [f64; 5]) -> Impedance<f64> {
+/// What bounds a row's force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bound {
+    /// It only pushes: limits, contacts.
+    Below,
+    /// Nothing, or something else: equality, friction.
+    Other,
+}
+
+/// Impedance and reference from `solref` and `solimp`, clamped to what they may be. In discrete steps, a stiffness of -1 stands for what
+/// `refsafe` chooses there, beside the damping ratio in place of b.
+pub(crate) fn impedance(options: &Options, bound: Bound, solref: [f64; 2], solimp: [f64; 5]) -> Impedance<f64> {
     let [dmin, dmax, width, midpoint, power] = solimp;
     let dmax = dmax.clamp(MINIMP, MAXIMP);
     let [time, damping] = safe(options, solref);
     let k = if time > 0.0 { 1.0 / (dmax * dmax * time * time * damping * damping) } else { -time / (dmax * dmax) };
     let b = if damping > 0.0 { 2.0 / (dmax * time) } else { -damping / dmax };
+    let (k, b) = if bound == Bound::Below && too_stiff(options, solref) { (-1.0, damping) } else { (k, b) };
     let dmin = dmin.clamp(MINIMP, MAXIMP);
     let (width, midpoint, power) = (width.max(0.0), midpoint.clamp(MINIMP, MAXIMP), power.max(1.0));
     let flat = dmin == dmax || width <= MINVAL;
@@ -42,9 +53,23 @@ fn safe(options: &Options, solref: [f64; 2]) -> [f64; 2] {
     if raised(options, solref) { [2.0 * options.timestep, solref[1]] } else { solref }
 }
 
+/// Whether the flag `refsafe` changes what a discrete step makes of `solref`, which is stiffer than it can follow.
+fn too_stiff(options: &Options, [time, damping]: [f64; 2]) -> bool {
+    let discrete = options.integrator == Integrator::Discrete;
+    discrete && options.flags.refsafe && time > 0.0 && time * damping < options.timestep
+}
+
+/// Damping of rows without stiffness: in a discrete step, with what it has lost by the end.
+pub(crate) fn damping(options: &Options, b: f64) -> f64 {
+    if options.integrator == Integrator::Discrete { b / options.timestep.mul_add(b, 1.0) } else { b }
+}
+
 /// Whether the flag `refsafe` changes `solref`.
 pub(crate) fn raised(options: &Options, solref: [f64; 2]) -> bool {
-    options.flags.refsafe && solref[0] > 0.0 && solref[0] < 2.0 * options.timestep
+    options.integrator != Integrator::Discrete
+        && options.flags.refsafe
+        && solref[0] > 0.0
+        && solref[0] < 2.0 * options.timestep
 }
 
 /// Impedance at zero violation.
@@ -71,7 +96,7 @@ pub(crate) fn limits(options: &Options, scene: &Scene, dof_invweight0: &[f64]) -
             ball: kind == crate::spec::JointKind::Ball,
             range: range_of(spec),
             margin: spec.margin,
-            impedance: impedance(options, spec.solreflimit, spec.solimplimit),
+            impedance: impedance(options, Bound::Below, spec.solreflimit, spec.solimplimit),
             invweight: dof_invweight0[j.dof],
         })
     };
@@ -91,14 +116,17 @@ pub(crate) fn friction_losses(options: &Options, scene: &Scene, dof_invweight0: 
     }
     let mut losses = Vec::new();
     for j in scene.joints.iter().filter(|j| j.spec.frictionloss > 0.0) {
-        let i = impedance(options, j.spec.solreffriction, j.spec.solimpfriction);
+        let i = impedance(options, Bound::Other, j.spec.solreffriction, j.spec.solimpfriction);
         let d = at_zero(&i);
+        // In a discrete step, 1 + h b times less, but no less than the largest impedance has.
+        let (own, least, b) = ((1.0 - d) / d, (1.0 - MAXIMP) / MAXIMP, damping(options, i.b));
+        let share = if b == i.b { own } else { (own * b / i.b).max(least) };
         for dof in j.dof..j.dof + dof_count(j.spec.kind) {
             losses.push(FrictionLoss {
                 dof: dof as u32,
                 bound: j.spec.frictionloss,
-                r: ((1.0 - d) / d * dof_invweight0[dof]).max(MINVAL),
-                b: i.b,
+                r: (share * dof_invweight0[dof]).max(MINVAL),
+                b,
             });
         }
     }

@@ -1,7 +1,9 @@
 //! Links: bodies with joints, and all that is fixed to them.
 
 use glam::DVec3;
-use lanesim_kernels::model::{Body, Link, NONE, Span};
+use lanesim_kernels::model::{Body, Fluid, Link, NONE, Span};
+use lanesim_kernels::options::Options;
+use lanesim_kernels::passive::fluid::resistance;
 
 use super::inertia::{self, Mass};
 use super::order::Scene;
@@ -106,8 +108,23 @@ impl Links {
             link: self.body_link[b],
             com: com((b, body)),
             mass: body.mass.mass,
+            inertia: body.mass.inertia.to_array(),
         };
         scene.bodies.iter().enumerate().map(table).collect()
+    }
+
+    /// Bodies that move in a medium.
+    pub fn fluids(&self, scene: &Scene, options: &Options) -> Vec<Fluid<f64>> {
+        const MINVAL: f64 = 1e-15;
+        let moving =
+            scene.bodies.iter().enumerate().filter(|(b, body)| self.body_link[*b] != NONE && body.mass.mass >= MINVAL);
+        let fluid = |(b, body): (usize, &super::order::Body)| {
+            let pose = self.body_pose[b].then(&body.mass.frame);
+            let inertia = body.mass.inertia.to_array();
+            let (linear, square) = resistance(body.mass.mass, inertia, options.density, options.viscosity);
+            Fluid { link: self.body_link[b], pos: pose.pos.to_array(), rot: row_major(pose.rotation()), linear, square }
+        };
+        moving.map(fluid).collect()
     }
 
     /// Masses and centres of mass of the bodies that stand still.

@@ -125,6 +125,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         equalities: equalities.table,
         equality_dofs: equalities.dofs,
         eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
+        fluids: fluids(&spec.option, &links, &scene),
         actuators: actuators.table.clone(),
         rows,
         tree_pattern: Default::default(),
@@ -268,6 +269,12 @@ fn sizes(
     }
 }
 
+/// Bodies in a medium, if there is one and passive forces are on.
+fn fluids(options: &Options, links: &Links, scene: &Scene) -> Vec<kernel::Fluid<f64>> {
+    let dense = options.density > 0.0 || options.viscosity > 0.0;
+    if dense && (options.flags.spring || options.flags.damper) { links.fluids(scene, options) } else { Vec::new() }
+}
+
 fn features(
     options: &Options,
     links: &Links,
@@ -283,6 +290,9 @@ fn features(
         dampers: flags.damper && damped,
         // Without springs and dampers there are no passive forces at all.
         gravcomp: weight && (flags.spring || flags.damper) && links.links.iter().any(|l| l.gravcomp != 0.0),
+        fluid: (options.density > 0.0 || options.viscosity > 0.0)
+            && (flags.spring || flags.damper)
+            && !links.links.is_empty(),
         actuation: flags.actuation && !actuators.table.is_empty(),
         implicit_damping: damped && flags.damper && flags.eulerdamp && options.integrator == Integrator::Euler,
         articulated: false,

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use lanesim_kernels::model::{Dof, Geom, Hull, NONE, Pair, PairDof, Shape, Sides, Span};
 use lanesim_kernels::options::Options;
 
-use super::constraints::impedance;
+use super::constraints::{Bound, damping, impedance};
 use super::links::Links;
 use super::meshes::{Hulls, Meshes};
 use super::order::{Placed, Scene};
@@ -114,8 +114,11 @@ pub(crate) fn pairs<'a>(
             margin: contact.margin,
             include: contact.margin + contact.gap,
             friction: contact.friction.map(|x| x.max(MINMU)),
-            impedance: impedance(&spec.option, contact.solref, contact.solimp),
-            friction_b: impedance(&spec.option, contact.solreffriction, contact.solimp).b,
+            impedance: impedance(&spec.option, Bound::Below, contact.solref, contact.solimp),
+            friction_b: damping(
+                &spec.option,
+                impedance(&spec.option, Bound::Other, contact.solreffriction, contact.solimp).b,
+            ),
             invweight: w1[0] + w2[0],
         });
         out.frictions.push(match written {

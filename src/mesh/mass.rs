@@ -4,7 +4,19 @@
 use glam::{DMat3, DVec3};
 
 use super::Triangles;
-use crate::spec::MeshInertia;
+/// What of a mesh has mass (MJCF `mesh/inertia`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MeshInertia {
+    /// What its faces enclose as seen from their middle, whichever way they are turned: too much where it is not convex.
+    #[default]
+    Legacy,
+    /// What its faces enclose; they must be turned outward and leave no holes.
+    Exact,
+    /// Its convex hull.
+    Convex,
+    /// Its surface.
+    Shell,
+}
 
 /// Less volume, or area, is none.
 const MINVAL: f64 = 1e-15;

@@ -8,6 +8,7 @@ use glam::DVec3;
 
 pub(crate) use files::{FORMATS, Format};
 pub(crate) use hull::{Refused, hull};
+pub use mass::MeshInertia;
 pub(crate) use mass::bulk;
 
 /// Most vertices and most triangles of a mesh.

@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::*;
-use crate::spec::MeshInertia;
 
 /// A box of half sizes 1, 2, 3 about (5, 0, 0), as OBJ.
 const BOX: &str = "# a box\no box\nv 4 -2 -3\nv 6 -2 -3\nv 4 2 -3\nv 6 2 -3\nv 4 -2 3\nv 6 -2 3\nv 4 2 3\nv 6 2 3\n\

@@ -2,7 +2,7 @@
 
 use super::tree::Element;
 use crate::diagnostics::Diagnostics;
-pub(super) use crate::diagnostics::quoted;
+pub(super) use crate::diagnostics::{file_problem, quoted};
 use crate::spec::{Pair, Source, Spec};
 use crate::suggest;
 use crate::unbuilt::Unbuilt;
@@ -171,13 +171,6 @@ impl Report {
 /// A sentence on an element, with its place.
 pub(super) fn placed(source: &Source, element: &str, what: &str) -> String {
     source.placed(&format!("{element}: {what}"))
-}
-
-/// One problem with a file as a whole.
-pub(super) fn file_problem(source: &Source, message: impl Into<String>, remedy: impl Into<String>) -> Diagnostics {
-    let mut problems = Diagnostics::default();
-    problems.push(source, "", message, remedy);
-    problems
 }
 
 #[cfg(test)]

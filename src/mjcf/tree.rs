@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use super::report::{file_problem, quoted};
 use super::scan::scan;
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, file_problem, quoted};
 use crate::spec::Source;
 
 /// Most elements and texts of one file.

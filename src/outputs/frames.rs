@@ -4,31 +4,27 @@ use glam::{DMat3, DQuat, DVec3};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{JointKind, NONE, Quantity};
 
-use super::{View, number};
+use super::World;
 use crate::model::{ArrayData, Placement};
 
-fn vector<L: LaneQuery>(lanes: &[L], lane: usize) -> DVec3 {
-    DVec3::new(number(&lanes[0], lane), number(&lanes[1], lane), number(&lanes[2], lane))
-}
-
-fn rotation<L: LaneQuery>(view: &View<'_, L>, link: u32, lane: usize) -> DMat3 {
-    let m: [f64; 9] = std::array::from_fn(|i| number(&view.workspace.position.rot[link as usize][i], lane));
+pub(super) fn rotation<L: LaneQuery>(world: World<'_, L>, link: u32) -> DMat3 {
+    let m: [f64; 9] = std::array::from_fn(|i| world.number(&world.workspace.position.rot[link as usize][i]));
     DMat3::from_cols_array(&m).transpose()
 }
 
 /// Origin of the tree of a link, in the world.
-fn origin<L: LaneQuery>(view: &View<'_, L>, link: u32, lane: usize) -> DVec3 {
-    let tree = view.tables.links[link as usize].tree as usize;
-    vector(&view.workspace.position.origin[tree], lane)
+pub(super) fn origin<L: LaneQuery>(world: World<'_, L>, link: u32) -> DVec3 {
+    let tree = world.tables.links[link as usize].tree as usize;
+    world.vector(&world.workspace.position.origin[tree])
 }
 
-fn position<L: LaneQuery>(view: &View<'_, L>, lane: usize, placement: &Placement) -> DVec3 {
+pub(super) fn position<L: LaneQuery>(world: World<'_, L>, placement: &Placement) -> DVec3 {
     let local = DVec3::from(placement.pos);
     if placement.link == NONE {
         return local;
     }
-    let link = vector(&view.workspace.position.pos[placement.link as usize], lane);
-    rotation(view, placement.link, lane) * local + link + origin(view, placement.link, lane)
+    let link = world.vector(&world.workspace.position.pos[placement.link as usize]);
+    rotation(world, placement.link) * local + link + origin(world, placement.link)
 }
 
 /// What poses are made from on their way to an output, kept from world to world.
@@ -40,29 +36,29 @@ pub(crate) struct Poses {
     masses: Vec<f64>,
 }
 
-pub(super) fn positions<L: LaneQuery>(view: &View<'_, L>, lane: usize, placements: &[Placement], out: &mut Vec<f64>) {
-    out.extend(placements.iter().flat_map(|placement| position(view, lane, placement).to_array()));
+pub(super) fn positions<L: LaneQuery>(world: World<'_, L>, placements: &[Placement], out: &mut Vec<f64>) {
+    out.extend(placements.iter().flat_map(|placement| position(world, placement).to_array()));
 }
 
-pub(super) fn matrices<L: LaneQuery>(view: &View<'_, L>, lane: usize, placements: &[Placement], out: &mut Vec<f64>) {
-    let matrix = |placement: &Placement| {
-        let local = DMat3::from_cols_array(&placement.mat).transpose();
-        let world = if placement.link == NONE { local } else { rotation(view, placement.link, lane) * local };
-        world.transpose().to_cols_array()
-    };
-    out.extend(placements.iter().flat_map(matrix));
+pub(super) fn matrices<L: LaneQuery>(world: World<'_, L>, placements: &[Placement], out: &mut Vec<f64>) {
+    out.extend(placements.iter().flat_map(|placement| orientation(world, placement).transpose().to_cols_array()));
+}
+
+/// Orientation of a frame: frame to world.
+pub(super) fn orientation<L: LaneQuery>(world: World<'_, L>, placement: &Placement) -> DMat3 {
+    let local = DMat3::from_cols_array(&placement.mat).transpose();
+    if placement.link == NONE { local } else { rotation(world, placement.link) * local }
 }
 
 /// Quaternions, composed from joint to joint: kernels move matrices only.
 pub(super) fn quaternions<L: LaneQuery>(
-    view: &View<'_, L>,
-    lane: usize,
+    world: World<'_, L>,
     placements: &[Placement],
     poses: &mut Poses,
     out: &mut Vec<f64>,
 ) {
     let links = &mut poses.links;
-    link_quaternions(view, lane, links);
+    link_quaternions(world, links);
     let quaternion = |placement: &Placement| {
         let [w, x, y, z] = placement.quat;
         let local = DQuat::from_xyzw(x, y, z, w);
@@ -73,16 +69,22 @@ pub(super) fn quaternions<L: LaneQuery>(
     out.extend(placements.iter().flat_map(quaternion));
 }
 
-fn link_quaternions<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<DQuat>) {
-    let qpos = &view.block.state.qpos;
-    let q = |at: u32, i: u32| number(&qpos[(at + i) as usize], lane);
+/// Orientations of links, as [`quaternions`] has them.
+pub(super) fn turns<'a, L: LaneQuery>(world: World<'_, L>, poses: &'a mut Poses) -> &'a [DQuat] {
+    link_quaternions(world, &mut poses.links);
+    &poses.links
+}
+
+fn link_quaternions<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<DQuat>) {
+    let qpos = &world.block.state.qpos;
+    let q = |at: u32, i: u32| world.number(&qpos[(at + i) as usize]);
     let unit = |at: u32| DQuat::from_xyzw(q(at, 1), q(at, 2), q(at, 3), q(at, 0)).normalize();
     out.clear();
-    for link in &view.tables.links {
+    for link in &world.tables.links {
         let [w, x, y, z] = link.quat.map(Real::to_f64);
         let placed = DQuat::from_xyzw(x, y, z, w);
         let mut turn = if link.parent == NONE { placed } else { out[link.parent as usize] * placed };
-        for joint in &view.tables.joints[link.joints.range()] {
+        for joint in &world.tables.joints[link.joints.range()] {
             match joint.kind {
                 JointKind::Free => turn = unit(joint.qpos + 3),
                 JointKind::Ball => turn *= unit(joint.qpos),
@@ -97,33 +99,30 @@ fn link_quaternions<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec
     }
 }
 
-fn reals<'a, L: LaneQuery>(view: &'a View<'_, L>, name: &str) -> &'a [f64] {
-    match view.model.array(name).map(|array| &array.data) {
+pub(super) fn reals<'a, L: LaneQuery>(world: World<'a, L>, name: &str) -> &'a [f64] {
+    match world.model.array(name).map(|array| &array.data) {
         Some(ArrayData::F64(data)) => data,
         _ => &[],
     }
 }
 
-fn integers<'a, L: LaneQuery>(view: &'a View<'_, L>, name: &str) -> &'a [i32] {
-    match view.model.array(name).map(|array| &array.data) {
+pub(super) fn integers<'a, L: LaneQuery>(world: World<'a, L>, name: &str) -> &'a [i32] {
+    match world.model.array(name).map(|array| &array.data) {
         Some(ArrayData::I32(data)) => data,
         _ => &[],
     }
 }
 
 /// Centre of mass of each body and its descendants; the body's own where they have no mass.
-pub(super) fn subtree_com<'a, L: LaneQuery>(view: &View<'_, L>, lane: usize, poses: &'a mut Poses) -> &'a [DVec3] {
+pub(super) fn subtree_com<'a, L: LaneQuery>(world: World<'_, L>, poses: &'a mut Poses) -> &'a [DVec3] {
     let Poses { centres, moments, masses, .. } = poses;
     centres.clear();
-    centres.extend(view.model.placements().inertials.iter().map(|p| position(view, lane, p)));
+    centres.extend(world.model.placements().inertials.iter().map(|p| position(world, p)));
     masses.clear();
-    match view.block.varied.as_deref().map_or(&[][..], |varied| varied.lanes(Quantity::BodyMass)) {
-        [] => masses.extend_from_slice(reals(view, "body_mass")),
-        own => masses.extend(own.iter().map(|mass| number(mass, lane))),
-    }
+    of_bodies(world, Quantity::BodyMass, "body_mass", masses);
     moments.clear();
     moments.extend(centres.iter().zip(masses.iter()).map(|(x, m)| *x * *m));
-    let parents = integers(view, "body_parentid");
+    let parents = integers(world, "body_parentid");
     for b in (1..centres.len()).rev() {
         let parent = parents[b] as usize;
         masses[parent] += masses[b];
@@ -138,46 +137,99 @@ pub(super) fn subtree_com<'a, L: LaneQuery>(view: &View<'_, L>, lane: usize, pos
     centres
 }
 
-pub(super) fn anchors<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
+pub(super) fn anchors<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<f64>) {
     let anchor = |(j, joint): (usize, &lanesim_kernels::model::Joint<L::Real>)| {
-        (vector(&view.workspace.position.anchor[j], lane) + origin(view, joint.link, lane)).to_array()
+        (world.vector(&world.workspace.position.anchor[j]) + origin(world, joint.link)).to_array()
     };
-    out.extend(view.tables.joints.iter().enumerate().flat_map(anchor));
+    out.extend(world.tables.joints.iter().enumerate().flat_map(anchor));
 }
 
-pub(super) fn axes<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
+pub(super) fn axes<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<f64>) {
     let axis = |(j, joint): (usize, &lanesim_kernels::model::Joint<L::Real>)| match joint.kind {
         // A free joint's axis is the world's z.
         JointKind::Free => [0.0, 0.0, 1.0],
-        _ => vector(&view.workspace.position.axis[j], lane).to_array(),
+        _ => world.vector(&world.workspace.position.axis[j]).to_array(),
     };
-    out.extend(view.tables.joints.iter().enumerate().flat_map(axis));
+    out.extend(world.tables.joints.iter().enumerate().flat_map(axis));
 }
 
 /// Dof motions at the centre of mass of the whole kinematic tree, which is MuJoCo's reference point.
-pub(super) fn cdof<L: LaneQuery>(view: &View<'_, L>, lane: usize, poses: &mut Poses, out: &mut Vec<f64>) {
-    let com = subtree_com(view, lane, poses);
-    let roots = integers(view, "body_rootid");
-    for (dof, motion) in view.tables.dofs.iter().zip(&view.workspace.position.cdof) {
-        let body = view.tables.links[dof.link as usize].body as usize;
-        let at = com[roots[body] as usize] - origin(view, dof.link, lane);
-        let turn = vector(&motion[..3], lane);
-        let shift = vector(&motion[3..], lane) + turn.cross(at);
+pub(super) fn cdof<L: LaneQuery>(world: World<'_, L>, poses: &mut Poses, out: &mut Vec<f64>) {
+    let com = subtree_com(world, poses);
+    let roots = integers(world, "body_rootid");
+    for (dof, motion) in world.tables.dofs.iter().zip(&world.workspace.position.cdof) {
+        let body = world.tables.links[dof.link as usize].body as usize;
+        let at = com[roots[body] as usize] - origin(world, dof.link);
+        let turn = world.vector(&motion[..3]);
+        let shift = world.vector(&motion[3..]) + turn.cross(at);
         out.extend(turn.to_array());
         out.extend(shift.to_array());
     }
 }
 
-pub(super) fn velocities<L: LaneQuery>(view: &View<'_, L>, lane: usize, out: &mut Vec<f64>) {
+pub(super) fn velocities<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<f64>) {
     let velocity = |placement: &Placement| {
         if placement.link == NONE {
             return [0.0; 6];
         }
-        let motion = &view.workspace.velocity.cvel[placement.link as usize];
-        let at = position(view, lane, placement) - origin(view, placement.link, lane);
-        let turn = vector(&motion[..3], lane);
-        let shift = vector(&motion[3..], lane) + turn.cross(at);
+        let motion = &world.workspace.velocity.cvel[placement.link as usize];
+        let at = position(world, placement) - origin(world, placement.link);
+        let turn = world.vector(&motion[..3]);
+        let shift = world.vector(&motion[3..]) + turn.cross(at);
         [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
     };
-    out.extend(view.model.placements().bodies.iter().flat_map(velocity));
+    out.extend(world.model.placements().bodies.iter().flat_map(velocity));
+}
+
+/// Appends a number or more of every body: the world's own, if they vary, else those of the model's array.
+pub(super) fn of_bodies<L: LaneQuery>(world: World<'_, L>, quantity: Quantity, array: &str, out: &mut Vec<f64>) {
+    match world.block.varied.as_deref().map_or(&[][..], |varied| varied.lanes(quantity)) {
+        [] => out.extend_from_slice(reals(world, array)),
+        own => out.extend(own.iter().map(|x| world.number(x))),
+    }
+}
+
+/// A motion at the origin of a link's tree (angular, linear), at the centre of mass of the kinematic tree of a body on it.
+pub(super) fn at_com<L: LaneQuery>(world: World<'_, L>, link: u32, motion: [DVec3; 2], com: DVec3) -> [DVec3; 2] {
+    let [turn, shift] = motion;
+    [turn, shift + turn.cross(com - origin(world, link))]
+}
+
+/// Velocity of a body at a point.
+pub(super) fn com_velocity<L: LaneQuery>(world: World<'_, L>, placement: &Placement, com: DVec3) -> [DVec3; 2] {
+    if placement.link == NONE {
+        return [DVec3::ZERO; 2];
+    }
+    let velocity = &world.workspace.velocity.cvel[placement.link as usize];
+    at_com(world, placement.link, [world.vector(&velocity[..3]), world.vector(&velocity[3..])], com)
+}
+
+/// Velocities of bodies at the centre of mass of their whole kinematic tree.
+pub(super) fn com_velocities<L: LaneQuery>(world: World<'_, L>, poses: &mut Poses, out: &mut Vec<f64>) {
+    let com = subtree_com(world, poses);
+    let roots = integers(world, "body_rootid");
+    for (placement, root) in world.model.placements().bodies.iter().zip(roots) {
+        let motion = com_velocity(world, placement, com[*root as usize]);
+        out.extend(motion.iter().flat_map(|part| part.to_array()));
+    }
+}
+
+/// Jacobian of the world's point: linear rows, then angular ones.
+pub(super) fn jacobian<L: LaneQuery>(world: World<'_, L>, _: &mut Poses, out: &mut Vec<f64>) {
+    let nv = world.tables.sizes.nv;
+    let start = out.len();
+    out.resize(start + 6 * nv, 0.0);
+    let placement = world.point.and_then(|point| point.placements(world.model).get(point.id()));
+    let Some(placement) = placement.filter(|placement| placement.link != NONE) else { return };
+    let at = position(world, placement) - origin(world, placement.link);
+    let mut dof = world.tables.links[placement.link as usize].dofs.range().end as u32 - 1;
+    while dof != NONE {
+        let motion = &world.workspace.position.cdof[dof as usize];
+        let turn = world.vector(&motion[..3]);
+        let shift = world.vector(&motion[3..]) + turn.cross(at);
+        for (row, x) in shift.to_array().into_iter().chain(turn.to_array()).enumerate() {
+            out[start + row * nv + dof as usize] = x;
+        }
+        dof = world.tables.dofs[dof as usize].parent;
+    }
 }

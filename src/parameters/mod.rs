@@ -49,7 +49,7 @@ const STALE: &str = " (inverse weights of limits and contacts and the mean inert
 const MINVAL: f64 = 1e-15;
 
 /// What follows from masses, inertias and armature.
-pub(crate) const WEIGHTS: [Quantity; 10] = [
+pub(crate) const WEIGHTS: [Quantity; 11] = [
     Quantity::Link,
     Quantity::Compensation,
     Quantity::Armature,
@@ -60,6 +60,7 @@ pub(crate) const WEIGHTS: [Quantity; 10] = [
     Quantity::StillPotential,
     Quantity::Grip,
     Quantity::EqualityWeight,
+    Quantity::BodyInertia,
 ];
 
 /// Numbers of MuJoCo's arrays of gains and biases per actuator.
@@ -184,6 +185,9 @@ impl Parameter {
             }
             _ if !self.weighs() => Ok(()),
             _ if model.tables().links.is_empty() => refuse("no body moves"),
+            Parameter::BodyMass | Parameter::BodyInertia if model.tables().features.fluid => {
+                refuse("the medium's forces follow from masses and inertias, and would be stale")
+            }
             _ if model.basis().damping_ratios && !others.contains(&Parameter::ActuatorBiasprm) => {
                 refuse("dampratio derives biases from inertias, which would be stale; set actuator_biasprm first")
             }

@@ -3,21 +3,7 @@
 use std::sync::Arc;
 
 use super::Source;
-pub use crate::mesh::Triangles;
-
-/// What of a mesh has mass (MJCF `mesh/inertia`).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum MeshInertia {
-    /// What its faces enclose as seen from their middle, whichever way they are turned: too much where it is not convex.
-    #[default]
-    Legacy,
-    /// What its faces enclose; they must be turned outward and leave no holes.
-    Exact,
-    /// Its convex hull.
-    Convex,
-    /// Its surface.
-    Shell,
-}
+pub use crate::mesh::{MeshInertia, Triangles};
 
 /// A mesh that geoms may have as their shape (MJCF `asset/mesh`).
 #[derive(Clone, Debug)]

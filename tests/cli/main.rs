@@ -246,6 +246,45 @@ fn inverse_computes_forces() {
     );
     let states = write("s.npz", 4, &[("qpos", 15), ("qvel", 14)]);
     fails(&["inverse", ANT, "--states", &states, "-o", &out], 1, "has no array `qacc`; give qpos, qvel and qacc");
+    let states = folder.path("t.npz");
+    let motion = |steps: usize, last: f64| {
+        let array = |steps: usize, width: usize, last: f64| {
+            let mut values = vec![0.1; 2 * steps * width];
+            values[2 * steps * width - 1] = last;
+            Array::new(vec![2, steps, width], Data::F64(values)).unwrap()
+        };
+        let arrays = [("qpos", array(3, 15, 0.1)), ("qvel", array(3, 14, 0.1)), ("qacc", array(steps, 14, last))];
+        npz::write(Path::new(&states), &arrays.map(|(name, array)| (name.to_owned(), array))).unwrap();
+    };
+    motion(4, 0.1);
+    fails(
+        &["inverse", ANT, "--states", &states, "-o", &out],
+        1,
+        "array `qpos` has shape [2, 3, 15]; expected [nworld=2, nstep=4, 15]",
+    );
+    motion(3, f64::NAN);
+    fails(&["inverse", ANT, "--states", &states, "-o", &out], 1, "array `qacc` holds NaN at [1, 2, 13]");
+}
+
+/// What an equality constraint cannot hold is refused before anything runs, with its line.
+#[test]
+fn bad_equality_constraints_are_named() {
+    let folder = Folder::new("equality");
+    let file = folder.path("m.xml");
+    for (equality, message) in [
+        ("<connect body1='q' anchor='0 0 0'/>", "body1 names an unknown body"),
+        ("<weld body1='a' body2='a'/>", "is held to itself"),
+        ("<joint joint1='x' polycoef='1 2 3 4 5 6'/>", "expected at most 5 numbers, found 6"),
+        ("<joint joint1='x' joint2='y'/>\n<joint joint1='y' joint2='x'/>", "joints follow from each other in a circle"),
+    ] {
+        let xml = format!(
+            "<mujoco><worldbody><body name='a'><joint name='x'/><joint name='y'/><geom size='.1'/></body></worldbody>
+             <equality>{equality}</equality></mujoco>"
+        );
+        std::fs::write(&file, xml).unwrap();
+        fails(&["check", &file], 1, message);
+        fails(&["check", &file], 1, "m.xml:");
+    }
 }
 
 #[test]

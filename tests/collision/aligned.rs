@@ -312,3 +312,27 @@ fn one_contact_of_flat_sides_lies_in_their_middle() {
         }
     }
 }
+
+/// Rods that share an end, where a joint is: what rounding leaves between the ends has no direction that counts. The normal is orthogonal
+/// to both rods, in either precision.
+#[test]
+fn rods_with_a_common_end_have_the_normal_across_both() {
+    let xml = "<mujoco><worldbody><body><geom type='capsule' size='.01' fromto='0 0 0 0 0 .1'/></body><body pos='0 0 .1'>\
+        <joint type='ball'/><geom type='capsule' size='.01' fromto='0 0 0 0 .1 .1'/></body></worldbody></mujoco>";
+    let model = Model::from_xml_string(xml, &Default::default()).unwrap();
+    let poses: Vec<f64> = (0..20)
+        .flat_map(|i| {
+            let x = f64::from(i);
+            let q = [1.0, 0.3 * x.sin(), 0.3 * (1.7 * x).cos(), 0.2 * (0.7 * x).sin()];
+            let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+            q.map(|x| x / length)
+        })
+        .collect();
+    let normals = |precision| {
+        let found = contacts_of(&model, &poses, 4, &options(precision, Backend::Wide));
+        found.into_iter().map(|list| list[0].2).collect::<Vec<_>>()
+    };
+    for (single, double) in normals(Precision::F32).iter().zip(normals(Precision::F64)) {
+        assert!(single[2].abs() < 1e-5 && apart(single, &double) < 1e-4, "{single:?} {double:?}");
+    }
+}

@@ -162,8 +162,9 @@ impl Fuzzer {
         }
         let Ok(mut worlds) = Worlds::with_pool(model, 3, &options, self.pool.clone()) else { return };
         disturb(model, &mut worlds, random);
-        let names: Vec<&str> = Output::all().map(|(name, _)| name).collect();
-        let outputs: Vec<Output> = (0..3).filter_map(|_| Output::named(random.pick::<&str>(&names)).ok()).collect();
+        let names: Vec<&str> = Output::all().map(|output| output.name).collect();
+        let mut output = || model.output(&random.pick::<&str>(&names).replace("NAME", "0")).ok();
+        let outputs: Vec<Output> = (0..3).filter_map(|_| output()).collect();
         let controls = if random.one_in(2) { Controls::Noise { seed: 1, scale: 1.0 } } else { Controls::Keep };
         let mut stepped = true;
         for _ in 0..1 + random.below(2) {
@@ -172,6 +173,10 @@ impl Fuzzer {
             let run = Rollout { nstep, controls, outputs: &recorded, statistics: true, ..Rollout::default() };
             stepped &= worlds.rollout(&run).is_ok();
             let _ = worlds.forward(&outputs, &mut |_, _| {});
+        }
+        let qacc: Vec<f64> = (0..3 * model.tables().sizes.nv).map(|_| random.unit() - 0.5).collect();
+        if let Err(error) = worlds.inverse(&qacc) {
+            assert!(!error.to_string().is_empty(), "an error without words");
         }
         for world in 0..3 {
             // What a step leaves is finite, whatever it began with, or the world has a flag.

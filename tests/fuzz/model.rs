@@ -218,6 +218,9 @@ fn body(depth: usize, random: &mut Random) -> Node {
     let kind = *random.pick(&["sphere", "capsule", "box", "ellipsoid", "cylinder"]);
     let geom = Node::new("geom").with("type", kind).with("size", ".1 .1 .1");
     node.children.push(geom.with("condim", *random.pick(&["1", "3", "4", "6"])));
+    if random.one_in(3) {
+        node.children.push(Node::new("site").with("name", format!("site{}", random.below(1000))));
+    }
     if depth > 0 {
         for _ in 0..random.below(3) {
             node.children.push(body(depth - 1, random));
@@ -233,7 +236,7 @@ fn sound(random: &mut Random) -> Node {
     for (name, words) in [
         ("solver", "Newton|CG|PGS"),
         ("cone", "pyramidal|elliptic"),
-        ("integrator", "Euler|Euler|Euler|RK4|implicitfast"),
+        ("integrator", "Euler|Euler|RK4|implicitfast|implicit|discrete"),
     ] {
         if random.one_in(2) {
             option = option.with(name, value(words, random));
@@ -245,9 +248,15 @@ fn sound(random: &mut Random) -> Node {
     for _ in 0..1 + random.below(2) {
         world.children.push(body(3, random));
     }
-    let mut names = Vec::new();
-    joints(&world, &mut names);
+    let [names, bodies, sites] = ["joint", "body", "site"].map(|tag| {
+        let mut names = Vec::new();
+        named(&world, tag, &mut names);
+        names
+    });
     root.children.push(world);
+    if random.one_in(2) {
+        root.children.push(equality(&[&bodies, &sites, &names], random));
+    }
     let mut actuator = Node::new("actuator");
     for name in names.iter().take(3) {
         let tag = *random.pick(&["motor", "position", "velocity", "general"]);
@@ -257,11 +266,39 @@ fn sound(random: &mut Random) -> Node {
     root
 }
 
-fn joints(node: &Node, names: &mut Vec<String>) {
-    if node.tag == "joint" {
+/// The names of all elements of a tag.
+fn named(node: &Node, tag: &str, names: &mut Vec<String>) {
+    if node.tag == tag {
         names.extend(node.attributes.iter().find(|(name, _)| name == "name").map(|(_, value)| value.clone()));
     }
-    node.children.iter().for_each(|child| joints(child, names));
+    node.children.iter().for_each(|child| named(child, tag, names));
+}
+
+/// Equality constraints between bodies, sites and joints of these names; now and then of one with itself.
+fn equality(names: &[&Vec<String>; 3], random: &mut Random) -> Node {
+    let mut node = Node::new("equality");
+    for _ in 0..1 + random.below(3) {
+        let (tag, kind) = *random.pick(&[("connect", 0), ("connect", 1), ("weld", 0), ("weld", 1), ("joint", 2)]);
+        if names[kind].is_empty() {
+            continue;
+        }
+        let mut row = Node::new(tag);
+        for side in 1..=if random.one_in(4) { 1 } else { 2 } {
+            row = row.with(&format!("{}{side}", ["body", "site", "joint"][kind]), random.pick(names[kind]).clone());
+        }
+        if (tag, kind) == ("connect", 0) {
+            row = row.with("anchor", ".1 0 -.1");
+        }
+        for extra in ["active=b", "solref=v2", "torquescale=n", "polycoef=v5"] {
+            if random.one_in(6)
+                && let Some((name, kind)) = extra.split_once('=')
+            {
+                row = row.with(name, value(kind, random));
+            }
+        }
+        node.children.push(row);
+    }
+    node
 }
 
 /// A change that knows the schema.

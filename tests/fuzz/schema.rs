@@ -35,7 +35,7 @@ pub const RULES: &[Rule] = &[
     ),
     row(
         "option",
-        "timestep=n gravity=v3 integrator=Euler|RK4|implicit|implicitfast|midpoint cone=pyramidal|elliptic \
+        "timestep=n gravity=v3 integrator=Euler|RK4|implicit|implicitfast|discrete|midpoint cone=pyramidal|elliptic \
             solver=Newton|CG|PGS iterations=i tolerance=n ls_iterations=i ls_tolerance=n noslip_iterations=i \
             noslip_tolerance=n impratio=n wind=v3 density=n viscosity=n magnetic=v3 o_margin=n o_solref=v2 o_solimp=v5 \
             o_friction=v5 jacobian=dense|sparse|auto ccd_iterations=i actuatorgroupdisable=v3 sdf_iterations=i",
@@ -77,7 +77,7 @@ pub const RULES: &[Rule] = &[
         "name=JOINT class=@CLASS type=hinge|slide|ball|free pos=v3 axis=v3 range=v2 limited=true|false|auto \
             stiffness=n damping=n armature=n frictionloss=n springref=n ref=n margin=n springdamper=v2 solreflimit=v2 \
             solimplimit=v5 solreffriction=v2 solimpfriction=v5 actuatorfrcrange=v2 actuatorfrclimited=b \
-            actuatorgravcomp=b group=i user=v2",
+            actuatorgravcomp=b group=i user=v2 joint1=@JOINT joint2=@JOINT polycoef=v5 active=b solref=v2 solimp=v5",
         "",
     ),
     row("freejoint", "name=JOINT group=i align=true|false|auto", ""),
@@ -136,9 +136,18 @@ pub const RULES: &[Rule] = &[
     row("sensor", "", "jointpos gyro"),
     row("jointpos", "name=t joint=@JOINT noise=n", ""),
     row("gyro", "name=t site=@SITE", ""),
-    row("equality", "", "weld connect"),
-    row("weld", "body1=@BODY body2=@BODY active=b relpose=v7", ""),
-    row("connect", "body1=@BODY body2=@BODY anchor=v3", ""),
+    row("equality", "", "weld connect joint tendon"),
+    row(
+        "weld",
+        "name=t class=@CLASS body1=@BODY body2=@BODY site1=@SITE site2=@SITE active=b relpose=v7 anchor=v3 torquescale=n \
+            solref=v2 solimp=v5",
+        "",
+    ),
+    row(
+        "connect",
+        "name=t class=@CLASS body1=@BODY body2=@BODY site1=@SITE site2=@SITE active=b anchor=v3 solref=v2 solimp=v5",
+        "",
+    ),
     row("include", "file=f", ""),
 ];
 

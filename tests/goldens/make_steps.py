@@ -6,10 +6,10 @@
 
 One file per model, steps/<model>.npz, with one row for each state of <model>.npz:
 
-    <integrator>/                qpos and qvel after one mj_step by RK4, implicitfast and implicit
+    <integrator>/                qpos and qvel after one mj_step by RK4, implicitfast, implicit and discrete
     inverse/qacc                 accelerations: those of mj_forward, changed at random by a tenth
     inverse/qfrc_inverse         what mj_inverse makes of them
-    inverse/qfrc_inverse_<integrator>   the same with the flag invdiscrete, for Euler, implicitfast and implicit
+    inverse/qfrc_inverse_<integrator>   the same with the flag invdiscrete, for Euler, implicitfast, implicit and discrete
 
 Solver settings are those of `make.py`.
 """
@@ -22,8 +22,8 @@ import numpy as np
 import make
 
 OUT = make.HERE / "steps"
-INTEGRATORS = ("RK4", "implicitfast", "implicit")
-DISCRETE = ("Euler", "implicitfast", "implicit")
+INTEGRATORS = ("discrete", "RK4", "implicitfast", "implicit")
+DISCRETE = ("Euler", "implicitfast", "implicit", "discrete")
 
 
 def choose(model, integrator):
@@ -41,6 +41,7 @@ def inverse(model, state, qacc):
 def record(path):
     model = mujoco.MjModel.from_xml_path(str(path))
     make.converge(model)
+    own = model.opt.integrator
     rng = np.random.default_rng(sum(path.stem.encode()) + 1)
     with np.load(make.HERE / (path.stem + ".npz")) as golden:
         given = {k: golden["in/" + k] for k in make.inputs(model) if "in/" + k in golden}
@@ -61,6 +62,7 @@ def record(path):
             mujoco.mj_step(model, data)
             add(integrator + "/qpos", data.qpos)
             add(integrator + "/qvel", data.qvel)
+        model.opt.integrator = own
         qacc = warm + 0.1 * (1 + np.abs(warm)) * rng.standard_normal(model.nv)
         add("inverse/qacc", qacc)
         add("inverse/qfrc_inverse", inverse(model, state, qacc))

@@ -38,6 +38,11 @@ impl Golden {
         recorded("tests/goldens/steps", &self.name)
     }
 
+    /// Motions of bodies, forces between them, and Jacobians of points.
+    pub fn bodies(&self) -> BTreeMap<String, Array> {
+        recorded("tests/goldens/bodies", &self.name)
+    }
+
     /// Every model of the repository.
     pub fn all() -> Vec<Golden> {
         all_models().iter().map(|name| Golden::read(name)).collect()

@@ -7,6 +7,7 @@ mod random;
 use std::path::{Path, PathBuf};
 
 use lanesim::mjcf::LoadOptions;
+use lanesim::outputs::Output;
 use lanesim::{Backend, Error, Model, Options, Precision};
 
 pub use random::Random;
@@ -104,4 +105,10 @@ pub fn assert_agree(what: &str, got: &[f64], expected: &[f64], tolerance: f64, f
     if let Err(message) = agree(got, expected, tolerance, floor) {
         panic!("{what}{message}");
     }
+}
+
+/// Every output that there is of a model, those of an element of its first.
+pub fn every_output(model: &Model) -> Vec<Output> {
+    // Not every model has a geom and a site.
+    Output::all().filter_map(|output| model.output(&output.name.replace("NAME", "0")).ok()).collect()
 }

@@ -84,10 +84,12 @@ fn body_forces<L: Lane>(model: &Model<L::Real>, position: &Position<L>, xfrc: &[
 }
 
 /// Factors M and solves for the smooth acceleration, or finds it by articulated bodies. Returns the lanes in which M was singular.
+/// `metric` is what discrete steps have in place of M.
 pub fn smooth_acceleration<L: Lane>(
     model: Instance<'_, L>,
     position: &Position<L>,
     inertia: &Inertia<L>,
+    metric: Option<&[L]>,
     acceleration: &mut Acceleration<L>,
 ) -> L::Mask {
     let Acceleration { qfrc_smooth, factor, inverse, multipliers, twist, body, column, qacc_smooth, .. } = acceleration;
@@ -96,11 +98,11 @@ pub fn smooth_acceleration<L: Lane>(
         let scratch = articulated::Scratch { body, force: twist, column, inverse };
         return articulated::solve(&model, &position.cdof, &inertia.link, |i| model.armature(i), scratch, qacc_smooth);
     }
-    factor.copy_from_slice(&inertia.m);
+    factor.copy_from_slice(metric.unwrap_or(&inertia.m));
     let singular = ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
     qacc_smooth.copy_from_slice(qfrc_smooth);
     ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, qacc_smooth);
-    if L::Real::EPSILON > 1e-10 {
+    if L::Real::EPSILON > 1e-10 && metric.is_none() {
         refine(model, position, inertia, acceleration);
     }
     singular

@@ -10,13 +10,13 @@ pub(super) fn rounding<L: Lane>() -> L {
     L::of((16.0 * L::Real::EPSILON).max(L::Real::MINVAL))
 }
 
-/// Two spheres given by centre and radius. Coincident centres: the normal is orthogonal to both z axes; the world's x axis
+/// Two spheres given by centre and radius. Centres that coincide, but for rounding: the normal is orthogonal to both z axes; the world's x axis
 /// if these are parallel.
 #[inline(always)]
 pub(super) fn balls<L: Lane>(c1: &Vec3<L>, r1: L, z1: &Vec3<L>, c2: &Vec3<L>, r2: L, z2: &Vec3<L>) -> Candidate<L> {
     let between = sub(c2, c1);
     let length = norm(&between);
-    let coincident = length.lt(L::of(L::Real::MINVAL));
+    let coincident = length.lt((rounding::<L>() * (r1 + r2)).max(L::of(L::Real::MINVAL)));
     let (across, sin) = normalize(&cross(z1, z2));
     let fallback = select(sin.lt(rounding()), &[L::one(), L::zero(), L::zero()], &across);
     let inverse = L::one() / L::select(coincident, L::one(), length);

@@ -9,12 +9,14 @@
 //! both sides move it is stored over those dofs, for the Hessian, and for contacts between trees, which have no such vector.
 
 mod contacts;
+mod discrete;
 mod dof_rows;
 mod equality;
 mod impedance;
 
 pub(crate) use contacts::grow;
 pub use contacts::{Classes, Motion, Numbers, cone, first_dof, kinds, measure, rows_of_pairs};
+pub use discrete::{Metric, discretise, held};
 pub use dof_rows::{all_dof_rows, dof_lanes, joint_rows};
 pub use equality::{Equalities, equality_rows};
 pub use impedance::impedance;

@@ -1,10 +1,11 @@
-//! What forces gain with velocity, and the matrix M - h D of the implicit integrators.
+//! What forces gain with velocity, and the matrix M - h D of the implicit integrators; the metric of discrete steps.
 //!
 //! `implicitfast` takes the derivative of passive and actuator forces, which is symmetric; `implicit` that of the bias force too. Free
 //! bodies that carry no joint have the latter in either case: their spin is what makes Euler's step unstable.
 
 mod actuators;
 mod bias;
+mod discrete;
 
 use std::ops::Range;
 
@@ -15,7 +16,7 @@ use crate::lane::Lane;
 use crate::math::{ldl, lu};
 use crate::model::{DofKind, Instance, Model, NONE};
 use crate::options::Integrator;
-use crate::passive::damper_slope;
+use crate::passive::{damper_slope, fluid};
 use crate::position::Position;
 use crate::state::State;
 use crate::velocity::Velocity;
@@ -27,6 +28,13 @@ fields! {
         pub lower: Vec<L> = sizes.nm,
         /// Entries above it, column by column, of trees for which they differ.
         pub upper: Vec<L> = if sizes.nlink > 0 { sizes.nm } else { 0 },
+        /// The metric of a discrete step. Free bodies that carry no joint have the derivative of the bias force beside it, where no row
+        /// holds them.
+        pub metric: Vec<L> = sizes.nm,
+        /// What the force loses on the way of a discrete step, h K v.
+        pub pull: Vec<L> = sizes.nv,
+        /// By a joint's first dof, 1 in worlds in which an actuator holds it in a discrete step.
+        pub joined: Vec<L> = sizes.nv,
         /// Reciprocals of the factors' pivots.
         pub inverse: Vec<L> = sizes.nv,
         /// Scratch of the factorisation.
@@ -73,24 +81,30 @@ fn trees<T>(model: &Model<T>) -> impl Iterator<Item = Tree> {
         let free = matches!(model.dofs[own.start].kind, DofKind::FreeTranslation(_));
         let skew = match model.options.integrator {
             Integrator::Implicit => true,
-            Integrator::ImplicitFast => free && carried == 0,
-            Integrator::Euler | Integrator::Rk4 | Integrator::Discrete => false,
+            Integrator::ImplicitFast | Integrator::Discrete => free && carried == 0,
+            Integrator::Euler | Integrator::Rk4 => false,
         };
         Tree { dofs, links: l..l + carried + 1, skew }
     })
 }
 
-/// Fills in M - h D.
+/// Fills in M - h D; of discrete steps, their metric, and what the force loses.
 pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stages<'_, L>, out: &mut Derivative<L>) {
     let h = L::of(model.options.timestep);
     out.lower.copy_from_slice(&stages.inertia.m);
-    if model.features.dampers {
+    let discrete = model.options.integrator == Integrator::Discrete;
+    if discrete {
+        discrete::add(model, state, stages, h, (&mut out.lower, &mut out.pull, &mut out.joined));
+        out.metric.copy_from_slice(&out.lower);
+    }
+    if model.features.dampers && !discrete {
         for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
             let diagonal = &mut out.lower[model.rows.diagonal(i)];
             *diagonal = h.mul_add(damper_slope(model, i, state.qvel[i]), *diagonal);
         }
     }
-    if model.features.actuation {
+    fluid::add_slope(&model, stages.position, stages.velocity, h, &mut out.lower);
+    if model.features.actuation && !discrete {
         actuators::add(model, state, stages.actuation, h, &mut out.lower);
     }
     let Derivative { lower, upper, turn, gain, .. } = out;
@@ -119,10 +133,58 @@ pub fn multiply<L: Lane>(model: &Model<L::Real>, derivative: &Derivative<L>, x: 
     }
 }
 
-/// Factors it.
+/// y = (M - h D) x of discrete steps: by the metric where rows, which `held` tells by the tree's first dof, or actuators hold the tree.
+pub fn multiply_discrete<L: Lane>(
+    model: &Model<L::Real>,
+    derivative: &Derivative<L>,
+    held: &dyn Fn(usize) -> L::Mask,
+    x: &[L],
+    y: &mut [L],
+) {
+    multiply(model, derivative, x, y);
+    for Tree { dofs, .. } in trees(model).filter(|tree| tree.skew) {
+        let first = dofs.start;
+        let held = held(first) | derivative.joined[first].gt(L::zero());
+        let mut by_metric = [L::zero(); 6];
+        for k in dofs.clone() {
+            by_metric[k - first] = derivative.metric[model.rows.diagonal(k)].mul_add(x[k], by_metric[k - first]);
+            for j in model.tree_pattern.row(k).iter().flat_map(|run| run.range()) {
+                let entry = derivative.metric[model.rows.at(k, j)];
+                by_metric[k - first] = entry.mul_add(x[j], by_metric[k - first]);
+                by_metric[j - first] = entry.mul_add(x[k], by_metric[j - first]);
+            }
+        }
+        for (k, metric) in dofs.zip(by_metric) {
+            y[k] = L::select(held, metric, y[k]);
+        }
+    }
+}
+
+/// The accelerations of free bodies that no row and no actuator holds in a discrete step, in place of those of a solver. `held` tells where rows hold a tree, by
+/// its first dof; `scratch` has room for the force.
+pub fn release<L: Lane>(
+    model: &Model<L::Real>,
+    derivative: &Derivative<L>,
+    held: &dyn Fn(usize) -> L::Mask,
+    (force, scratch): (&[L], &mut [L]),
+    qacc: &mut [L],
+) {
+    let Derivative { lower, upper, inverse, .. } = derivative;
+    for Tree { dofs, .. } in trees(model).filter(|tree| tree.skew) {
+        scratch[dofs.clone()].copy_from_slice(&force[dofs.clone()]);
+        lu::solve(&model.rows, &model.tree_pattern, dofs.clone(), lower, upper, inverse, scratch);
+        let held = held(dofs.start) | derivative.joined[dofs.start].gt(L::zero());
+        for i in dofs {
+            qacc[i] = L::select(held, qacc[i], scratch[i]);
+        }
+    }
+}
+
+/// Factors it; of discrete steps, what is not factored as their metric is.
 pub fn factor<L: Lane>(model: &Model<L::Real>, derivative: &mut Derivative<L>) {
     let Derivative { lower, upper, inverse, multipliers, .. } = derivative;
-    for Tree { dofs, skew, .. } in trees(model) {
+    let discrete = model.options.integrator == Integrator::Discrete;
+    for Tree { dofs, skew, .. } in trees(model).filter(|tree| tree.skew || !discrete) {
         if skew {
             lu::factor(&model.rows, &model.tree_pattern, dofs, lower, upper, inverse);
         } else {

@@ -2,6 +2,7 @@
 //! acceleration (Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014).
 
 use crate::acceleration::Acceleration;
+use crate::constraint;
 use crate::derivative;
 use crate::fields::fields;
 use crate::lane::{Lane, LaneQuery};
@@ -53,7 +54,20 @@ pub fn inverse<L: LaneQuery>(
     let instance = Instance { model, varied: run.varied };
     let Inverse { given, qacc, inertial, qfrc_inverse } = inverse;
     qacc.copy_from_slice(given);
-    if over_step {
+    let discrete = model.options.integrator == Integrator::Discrete;
+    if discrete {
+        // The solver's acceleration is that of the step, and rows are of that: as in MuJoCo, whatever is asked for.
+        let Workspace { position, inertia, velocity, actuation, derivative, constraint, .. } = &mut *ws;
+        derivative::implicit(
+            instance,
+            state,
+            derivative::Stages { position, inertia, velocity, actuation },
+            derivative,
+        );
+        let held = |dof: usize| constraint::held(model, constraint, dof);
+        derivative::multiply_discrete(model, derivative, &held, given, inertial);
+        inertial.iter_mut().zip(&ws.derivative.pull).for_each(|(force, pull)| *force += *pull);
+    } else if over_step {
         implicit_product(instance, state, ws, given, inertial);
         if model.constrained() {
             qacc.copy_from_slice(inertial);

@@ -114,6 +114,8 @@ pub struct Features {
     pub dampers: bool,
     /// Some body has gravity compensation, gravity is on and not zero, and passive forces are on.
     pub gravcomp: bool,
+    /// Bodies move in a medium, and passive forces are on.
+    pub fluid: bool,
     /// There are actuators and actuation is on.
     pub actuation: bool,
     /// Euler integrates dampers implicitly: some dof is damped, and the flags `damper` and `eulerdamp` are on.
@@ -168,6 +170,8 @@ pub struct Model<T> {
     pub pairs: Vec<Pair<T>>,
     /// Degrees of freedom of pairs.
     pub pair_dofs: Vec<PairDof>,
+    /// Bodies in a medium; empty if there is none, or passive forces are off.
+    pub fluids: Vec<Fluid<T>>,
     /// Joint limits, in the order of joints; empty if the flag `limit` or `constraint` is off.
     pub limits: Vec<Limit<T>>,
     /// Equality constraints that can act, in MJCF order; empty if the flag `equality` or `constraint` is off.
@@ -197,7 +201,7 @@ pub struct Model<T> {
 impl Features {
     /// Whether there can be passive forces.
     pub fn passive(&self) -> bool {
-        self.springs || self.dampers || self.gravcomp
+        self.springs || self.dampers || self.gravcomp || self.fluid
     }
 }
 
@@ -244,6 +248,7 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             hulls: self.hulls.clone(),
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),
+            fluids: self.fluids.cast(),
             limits: self.limits.cast(),
             equalities: self.equalities.cast(),
             equality_dofs: self.equality_dofs.clone(),

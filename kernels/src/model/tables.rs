@@ -440,6 +440,25 @@ table! {
         pub com: [T; 3],
         /// Mass.
         pub mass: T,
+        /// Principal moments of inertia.
+        pub inertia: [T; 3],
+    } T
+}
+
+table! {
+    /// A body in a medium, with the box of the same inertia.
+    pub struct Fluid {
+        /// Link that carries it.
+        pub link: u32,
+        real:
+        /// Centre of mass in the link's frame.
+        pub pos: [T; 3],
+        /// Orientation of the inertia's axes in the link's frame, row-major.
+        pub rot: [T; 9],
+        /// Resistance that grows with the speed: torque by angular velocity, force by velocity.
+        pub linear: [T; 2],
+        /// Resistance that grows with the square of the speed: torque about each axis, force along each.
+        pub square: [[T; 3]; 2],
     } T
 }
 

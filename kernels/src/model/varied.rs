@@ -44,6 +44,8 @@ pub enum Quantity {
     BodyMass,
     /// Inverse weights of each equality constraint, two numbers.
     EqualityWeight,
+    /// Principal moments of inertia of each MJCF body, three numbers.
+    BodyInertia,
     /// Position, orientation and sizes of each geom, 15 numbers: shared by all worlds, see [`Quantity::SHARED`].
     Geom,
     /// Distance within which contacts of each pair are listed: likewise.
@@ -56,7 +58,7 @@ pub enum Quantity {
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 20] = [
+    pub const ALL: [Quantity; 21] = [
         Quantity::Gravity,
         Quantity::StillPotential,
         Quantity::Damping,
@@ -73,6 +75,7 @@ impl Quantity {
         Quantity::MeanInertia,
         Quantity::BodyMass,
         Quantity::EqualityWeight,
+        Quantity::BodyInertia,
         Quantity::Geom,
         Quantity::Include,
         Quantity::Law,
@@ -107,7 +110,7 @@ impl Quantity {
     /// Numbers of an element.
     pub const fn width(self) -> usize {
         match self {
-            Quantity::Gravity | Quantity::Gain | Quantity::Bias => 3,
+            Quantity::Gravity | Quantity::Gain | Quantity::Bias | Quantity::BodyInertia => 3,
             Quantity::Gear | Quantity::Grip => 6,
             Quantity::Link => 10,
             Quantity::Compensation => 4,
@@ -144,6 +147,7 @@ impl Quantity {
             Quantity::LimitWeight => model.limits.iter().map(|limit| limit.invweight).collect(),
             Quantity::Regulariser => model.friction_losses.iter().map(|loss| loss.r).collect(),
             Quantity::MeanInertia => vec![model.mean_inertia],
+            Quantity::BodyInertia => model.bodies.iter().flat_map(|body| body.inertia).collect(),
             Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
             Quantity::EqualityWeight => model.equalities.iter().flat_map(|equality| equality.invweight).collect(),
             Quantity::Geom => model.geoms.iter().flat_map(Geom::numbers).collect(),
@@ -172,6 +176,7 @@ const NAMES: [&str; Quantity::ALL.len()] = [
     "MeanInertia",
     "BodyMass",
     "EqualityWeight",
+    "BodyInertia",
     "Geom",
     "Include",
     "Law",

@@ -56,7 +56,8 @@ impl<L: Lane> Step<'_, L> {
     /// What the solver solves, where it starts, and what it works with.
     #[inline(always)]
     pub fn solver(&mut self) -> (Problem<'_, L>, &[L], &mut SolverWork<L>) {
-        let Workspace { position, inertia, acceleration, constraint, solver, .. } = &mut *self.ws;
+        let Workspace { position, inertia, metric, acceleration, constraint, solver, .. } = &mut *self.ws;
+        let inertia = metric.as_deref().unwrap_or(inertia);
         let (model, mean_inertia) = (self.model.model, self.model.mean_inertia());
         let problem = Problem { model, mean_inertia, position, inertia, acceleration, constraint };
         (problem, &self.state.qacc_warmstart, solver)

@@ -1,4 +1,6 @@
-//! Passive forces: joint springs, dampers and gravity compensation.
+//! Passive forces: joint springs, dampers, gravity compensation, and those of a medium.
+
+pub mod fluid;
 
 use crate::fields::fields;
 use crate::lane::Lane;
@@ -8,6 +10,7 @@ use crate::math::tree;
 use crate::math::vec3::{build, cross, mul_add, norm, scale};
 use crate::model::{Instance, Joint, JointKind};
 use crate::position::Position;
+use crate::velocity::Velocity;
 
 fields! {
     /// Passive generalised forces.
@@ -19,10 +22,10 @@ fields! {
     } L
 }
 
-/// Sum of spring, damper and gravity compensation forces.
+/// Sum of spring, damper, gravity compensation and fluid forces.
 pub fn passive<L: Lane>(
     model: Instance<'_, L>,
-    position: &Position<L>,
+    (position, velocity): (&Position<L>, &Velocity<L>),
     qpos: &[L],
     qvel: &[L],
     passive: &mut Passive<L>,
@@ -38,6 +41,7 @@ pub fn passive<L: Lane>(
             passive.qfrc_passive[i] -= damper(model, i, qvel[i]);
         }
     }
+    fluid::add(model, position, velocity, &mut passive.qfrc_passive);
     if model.features.gravcomp {
         gravcomp(model, position, &mut passive.qfrc_gravcomp);
         for (i, dof) in model.dofs.iter().enumerate() {

@@ -5,7 +5,7 @@ mod redundant;
 
 use lanesim_kernels::model::{Dof, DofKind, Equality, EqualityDof, EqualityKind, NONE, Span};
 
-use super::constraints::impedance;
+use super::constraints::{Bound, impedance};
 use super::derived::Derived;
 use super::links::Links;
 use super::order::Scene;
@@ -102,7 +102,7 @@ impl Equalities {
             torquescale: 0.0,
             polynomial: [0.0; 5],
             reference: [0.0; 2],
-            impedance: impedance(&spec.option, equality.solref, equality.solimp),
+            impedance: impedance(&spec.option, Bound::Other, equality.solref, equality.solimp),
             invweight: weights(objects, scene, derived),
         };
         let moved: Vec<EqualityDof>;

@@ -102,13 +102,13 @@ fn refused_options() {
     refuses(|s| s.option.timestep = 0.0, "option: timestep is 0");
     refuses(|s| s.option.timestep = f64::NAN, "timestep is NaN");
     refuses(|s| s.option.gravity[1] = f64::NAN, "gravity is not finite");
-    refuses(|s| s.option.density = 1.2, "density 1.2: fluid forces are not supported");
+    refuses(|s| s.option.density = -1.2, "density is negative");
     refuses(
         |s| s.option.flags.diagexact = true,
         "diagexact: the exact diagonal of the constraint space is not supported",
     );
     refuses(|s| s.option.flags.sleep = true, "sleep: sleeping trees are not supported");
-    refuses(|s| s.option.viscosity = 1e-5, "viscosity");
+    refuses(|s| s.option.viscosity = -1e-5, "viscosity is negative");
     refuses(|s| s.option.impratio = 0.0, "impratio is 0");
     refuses(|s| s.compiler.boundmass = -1.0, "boundmass is negative");
 }

@@ -13,27 +13,6 @@ fn option(text: &str, problem: &str, loss: &str) {
 }
 
 #[test]
-fn options_that_are_not_built() {
-    let with = |option: &str| format!("<mujoco>\n<option {option}/><worldbody/></mujoco>");
-    let goes = "; a lenient load goes without";
-    option(
-        &with("density='1000'"),
-        &format!("2: option: density 1000: fluid forces are not supported (remove it{goes})"),
-        "line 2: option: density 1000: fluid forces are not supported, left out",
-    );
-    option(
-        &with("viscosity='0.001' wind='1 0 0'"),
-        &format!("2: option: viscosity 0.001: fluid forces are not supported (remove it{goes})"),
-        "line 2: option: viscosity 0.001: fluid forces are not supported, left out",
-    );
-    option(
-        &with("integrator='discrete'"),
-        &format!("2: option: integrator discrete is not supported (set integrator=\"Euler\"{goes})"),
-        "line 2: option: integrator discrete is not supported, Euler is used instead",
-    );
-}
-
-#[test]
 fn flags_that_are_not_built() {
     let text = |flag: &str| format!("<mujoco><option>\n<flag {flag}='enable'/></option></mujoco>");
     for (flag, what, instead) in [
@@ -55,13 +34,10 @@ fn overrides_come_before_what_is_not_built() {
     let with = |text: &str, name: &str, value: &str| {
         parse(text, &LoadOptions { lenient: false, overrides: vec![(name.into(), value.into())] })
     };
-    let written = "<mujoco><option integrator='discrete'/></mujoco>";
-    assert!(with(written, "integrator", "Euler").is_ok());
-    let problem = with("<mujoco/>", "integrator", "discrete").expect_err("not built").to_string();
-    assert_eq!(
-        problem,
-        "option: integrator discrete is not supported (set integrator=\"Euler\"; a lenient load goes without)"
-    );
+    let written = "<mujoco><option><flag sleep='enable'/></option></mujoco>";
+    assert!(with(written, "sleep", "disable").is_ok());
+    let problem = with("<mujoco/>", "sleep", "enable").expect_err("not built").to_string();
+    assert_eq!(problem, "flag: sleep: sleeping trees are not supported (remove it; a lenient load goes without)");
 }
 
 #[test]

@@ -1,0 +1,77 @@
+//! The metric of discrete steps, M + h D + h² K: D what dampers and actuators hold against velocity, K what springs and actuators hold
+//! against displacement, both where they hold and do not push. The force is taken where the step ends, -h K v further.
+
+use super::Stages;
+use super::actuators::{Gain, gains};
+use crate::lane::Lane;
+use crate::math::vec3::norm;
+use crate::model::{Instance, Joint, JointKind};
+use crate::passive::{damper_slope, shift_from_rest, twist_from_rest};
+use crate::state::State;
+
+/// Adds h D + h² K to a matrix, writes h K v, and where actuators add to it.
+pub(super) fn add<L: Lane>(
+    model: Instance<'_, L>,
+    state: &State<L>,
+    stages: Stages<'_, L>,
+    h: L,
+    (matrix, pull, joined): (&mut [L], &mut [L], &mut [L]),
+) {
+    pull.fill(L::zero());
+    joined.fill(L::zero());
+    if model.features.dampers {
+        for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
+            let diagonal = &mut matrix[model.rows.diagonal(i)];
+            *diagonal = h.mul_add(damper_slope(model, i, state.qvel[i]).max(L::zero()), *diagonal);
+        }
+    }
+    if model.features.springs {
+        for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
+            for (dofs, stiffness) in slopes(joint, &model.stiffness(j), &state.qpos[joint.qpos as usize..]) {
+                let held = h * stiffness.max(L::zero());
+                for i in dofs {
+                    let diagonal = &mut matrix[model.rows.diagonal(i)];
+                    *diagonal = h.mul_add(held, *diagonal);
+                    pull[i] = held * state.qvel[i];
+                }
+            }
+        }
+    }
+    if model.features.actuation {
+        gains(model, state, stages.actuation, |Gain { dof, moment, length, velocity }| {
+            let (spring, damper) = ((-length).max(L::zero()), (-velocity).max(L::zero()));
+            let (held, both) = (h * spring, h * h.mul_add(spring, damper));
+            joined[dof] = L::select(both.gt(L::zero()), L::one(), joined[dof]);
+            let mut speed = L::zero();
+            for (i, m) in moment.iter().enumerate() {
+                speed = m.mul_add(state.qvel[dof + i], speed);
+                for j in 0..=i {
+                    let entry = &mut matrix[model.rows.at(dof + i, dof + j)];
+                    *entry = (both * moment[i]).mul_add(moment[j], *entry);
+                }
+            }
+            for (i, m) in moment.iter().enumerate() {
+                pull[dof + i] = (held * speed).mul_add(*m, pull[dof + i]);
+            }
+        });
+    }
+}
+
+/// What a joint's spring gains with displacement, a + 2 b r + 3 c r², for the dofs of each of its parts.
+fn slopes<L: Lane>(
+    joint: &Joint<L::Real>,
+    [a, b, c]: &[L; 3],
+    q: &[L],
+) -> impl Iterator<Item = (std::ops::Range<usize>, L)> {
+    let slope = |r: L| r.mul_add(r.mul_add(L::of(3.0) * *c, *b + *b), *a);
+    let dof = joint.dof as usize;
+    let (first, second) = match joint.kind {
+        JointKind::Free => (
+            (dof..dof + 3, slope(norm(&shift_from_rest(joint, q)))),
+            Some((dof + 3..dof + 6, slope(norm(&twist_from_rest(joint, &q[3..], 3))))),
+        ),
+        JointKind::Ball => ((dof..dof + 3, slope(norm(&twist_from_rest(joint, q, 0)))), None),
+        JointKind::Slide | JointKind::Hinge => ((dof..dof + 1, slope(q[0] - L::splat(joint.qpos_spring[0]))), None),
+    };
+    std::iter::once(first).chain(second)
+}
