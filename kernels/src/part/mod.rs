@@ -17,6 +17,7 @@ use crate::collision::Collision;
 use crate::constraint::ContactRow;
 use crate::lane::{Lane, LaneQuery};
 use crate::model::{Model, Quantities, Quantity};
+use crate::options::Integrator;
 use crate::solver::{Arrival, Problem, SolverWork, Trial, contact};
 use crate::stage::Stage;
 use crate::workspace::Workspace;
@@ -287,7 +288,7 @@ parts! {
             let Workspace { position, inertia, acceleration, derivative, solver, integration: next, .. } = &mut **ws;
             let solver::Solver { qacc, qfrc_constraint, .. } = &solver.fields;
             let forces = [&acceleration.qfrc_smooth[..], qfrc_constraint];
-            if Stage::Derivative.present(model.model) {
+            if matches!(model.options.integrator, Integrator::Implicit | Integrator::ImplicitFast) {
                 integration::implicit(model, state, forces, derivative, next);
             } else {
                 integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
