@@ -29,7 +29,15 @@ pub(crate) fn hull(vertices: &[DVec3], most: Option<usize>) -> Result<Triangles,
 }
 
 fn whole(vertices: &[DVec3]) -> Result<Triangles, Refused> {
-    let (vertices, faces) = try_convex_hull(vertices).map_err(|_| Refused)?;
+    // What is thin along an axis is widened for the search: the hull goes along.
+    let low = vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let extent = vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low;
+    let wide = DVec3::ONE / extent.max(DVec3::splat(THIN * extent.max_element()));
+    let bits = |p: DVec3| p.to_array().map(f64::to_bits);
+    let widened: Vec<DVec3> = vertices.iter().map(|p| (*p - low) * wide).collect();
+    let own: BTreeMap<[u64; 3], DVec3> = widened.iter().map(|p| bits(*p)).zip(vertices.iter().copied()).collect();
+    let (found, faces) = try_convex_hull(&widened).map_err(|_| Refused)?;
+    let vertices = found.iter().map(|p| own.get(&bits(*p)).copied()).collect::<Option<_>>().ok_or(Refused)?;
     let hull = Triangles { vertices, faces };
     if hull.faces.len() < 4 || hull.problem().is_some() || hull.is_flat() { Err(Refused) } else { Ok(hull) }
 }

@@ -155,3 +155,17 @@ fn flat_points_have_no_hull() {
     assert!(hull(&square, None).is_err());
     assert!(hull(&[DVec3::ONE; 8], None).is_err());
 }
+
+/// A membrane has a hull: found by MuJoCo's qhull, and refused here when its thin axis was not widened.
+#[test]
+fn thin_meshes_have_hulls() {
+    for thickness in [1e-2, 1e-3, 1e-5] {
+        let point = |i: usize| {
+            let (angle, side) = (0.1 * i as f64, if i.is_multiple_of(2) { 1.0 } else { -1.0 });
+            DVec3::new(side * thickness * (1.0 + (7.0 * angle).sin()), 1.1 * angle.cos(), 2.6 * (1.3 * angle).sin())
+        };
+        let points: Vec<DVec3> = (0..1500).map(point).collect();
+        let hull = hull(&points, None).expect("a hull");
+        assert!(hull.vertices.iter().all(|p| points.contains(p)));
+    }
+}
