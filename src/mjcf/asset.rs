@@ -90,9 +90,6 @@ pub(super) fn meshes(
         let class = classes.named(element, "class", super::MAIN, report);
         let raw = classes[class].mesh.clone().element(&mut Reader::new(element, report));
         let Some(matters) = used.get(&raw.mesh.name).copied() else { continue };
-        if !matters && spec.compiler.discardvisual {
-            continue;
-        }
         match triangles(element, &raw, assets, report) {
             Ok(triangles) => spec.meshes.push(Mesh { triangles: Arc::new(triangles), ..raw.mesh }),
             Err((message, remedy)) if matters => report.error(element, message, remedy),
@@ -108,13 +105,12 @@ pub(super) fn meshes(
 fn drop_decorations(lost: &BTreeMap<String, String>, spec: &mut Spec, report: &mut Report) {
     let mut dropped = 0;
     let known: BTreeSet<&str> = spec.meshes.iter().map(|mesh| mesh.name.as_str()).collect();
-    let discard = spec.compiler.discardvisual;
     for body in &mut spec.bodies {
         let before = body.geoms.len();
         body.geoms.retain(|geom| !lost.contains_key(&geom.mesh) || known.contains(geom.mesh.as_str()));
         dropped += before - body.geoms.len();
     }
-    if dropped > 0 && !discard {
+    if dropped > 0 {
         let (geoms, are) = if dropped == 1 { ("geom", "is") } else { ("geoms", "are") };
         let first = lost.values().next().map_or("", String::as_str);
         report.note(format!("{dropped} {geoms} on which no motion depends {are} left out: {first}"));

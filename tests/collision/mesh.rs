@@ -125,6 +125,22 @@ fn meshes_that_cannot_be_are_refused() {
     }
 }
 
+/// What is only looked at is dropped with its mesh, whether that is there or not.
+#[test]
+fn discardvisual_drops_meshes_too() {
+    let text = |file: &str| {
+        format!(
+            "<mujoco><compiler discardvisual=\"true\"/><asset><mesh name=\"m\" {file}/></asset><worldbody><body><freejoint/>\
+             <geom size=\"0.1\"/><geom type=\"mesh\" mesh=\"m\" contype=\"0\" conaffinity=\"0\" mass=\"0\"/></body>\
+             </worldbody></mujoco>"
+        )
+    };
+    for file in [format!("vertex=\"{CORNERS}\""), "file=\"m.stl\"".into()] {
+        let model = Model::from_xml_string(&text(&file), &Default::default()).unwrap();
+        assert_eq!(model.names().geoms.len(), 1, "{file}");
+    }
+}
+
 /// A mesh that nothing depends on is left out where its file is not there; one that matters is not.
 #[test]
 fn meshes_that_only_decorate_may_be_missing() {

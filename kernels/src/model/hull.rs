@@ -62,11 +62,6 @@ impl Hull {
         self.faces_at[range].iter().map(|face| &self.faces[*face as usize])
     }
 
-    /// Largest distance of a vertex from the origin.
-    pub fn radius(&self) -> f64 {
-        self.vertices.iter().map(|v| dot(v, v)).fold(0.0, f64::max).sqrt()
-    }
-
     /// A vertex than which none is farther along a direction.
     pub fn support(&self, direction: [f64; 3]) -> u32 {
         if self.vertices.len() <= FEW {
