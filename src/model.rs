@@ -129,6 +129,8 @@ pub struct ElementNames {
     pub equalities: Names,
     /// Actuators.
     pub actuators: Names,
+    /// Sensors.
+    pub sensors: Names,
     /// Keyframes.
     pub keys: Names,
 }

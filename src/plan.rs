@@ -189,6 +189,15 @@ impl Plan {
             Stage::Inertia | Stage::Acceleration => {
                 vec![part(name, true, format!("{} dofs, {} entries of the matrix", sizes.nv, sizes.nm), "")]
             }
+            Stage::Sensor => {
+                let (runs, why) = (Stage::Sensor.present(tables), "no sensor, or sensors are switched off");
+                vec![part(
+                    name,
+                    runs,
+                    format!("{} numbers of {} sensors", sizes.nsensordata, tables.sensors.len()),
+                    why,
+                )]
+            }
             Stage::Velocity | Stage::Energy => vec![part(name, true, format!("{} links", sizes.nlink), "")],
         }
     }

@@ -7,6 +7,7 @@
 
 mod equality;
 mod mesh;
+mod sensor;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,6 +15,7 @@ use std::sync::Arc;
 pub use equality::{Equality, Held};
 pub use lanesim_kernels::options::Options;
 pub use mesh::{Mesh, MeshInertia, Triangles};
+pub use sensor::{DataType, NeedStage, Object, ObjectKind, Sensor, SensorKind};
 
 /// Where an element was written, for diagnostics. Elements built from code have the default: no file, line 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -77,6 +79,8 @@ pub struct Spec {
     pub equalities: Vec<Equality>,
     /// Actuators.
     pub actuators: Vec<Actuator>,
+    /// Sensors.
+    pub sensors: Vec<Sensor>,
     /// Keyframes.
     pub keys: Vec<Key>,
     /// Where options and compiler settings were written, by element and attribute: `option timestep`, `flag sleep`.
@@ -409,6 +413,8 @@ pub struct Geom {
     pub priority: i32,
     /// Group, for display and `inertiagrouprange`.
     pub group: i32,
+    /// Whether the rays of sensors pass through it, as it is not seen: its colour has no opacity.
+    pub clear: bool,
     /// Sliding, torsional and rolling friction.
     pub friction: [f64; 3],
     /// Weight when parameters of two geoms are mixed.
@@ -442,6 +448,7 @@ impl Default for Geom {
             condim: 3,
             priority: 0,
             group: 0,
+            clear: false,
             friction: [1.0, 0.005, 0.0001],
             solmix: 1.0,
             solref: SOLREF,
@@ -634,6 +641,17 @@ impl Default for Actuator {
     }
 }
 
+/// What a keyframe says of one body.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeyPart {
+    /// Index of the body in [`Spec::bodies`].
+    pub body: usize,
+    /// Positions of its joints; empty: not given.
+    pub qpos: Vec<f64>,
+    /// Velocities, likewise.
+    pub qvel: Vec<f64>,
+}
+
 /// A saved state (MJCF `keyframe/key`). What is missing, or short, is filled from the reference configuration, or with
 /// zeros.
 #[derive(Clone, Debug, Default)]
@@ -654,6 +672,10 @@ pub struct Key {
     pub mpos: Option<Vec<f64>>,
     /// Mocap orientations, at most `4 nmocap`.
     pub mquat: Option<Vec<f64>>,
+    /// What it says of single bodies, beside `qpos` and `qvel`: of models that are attached.
+    pub parts: Vec<KeyPart>,
+    /// Controls of single actuators by name, beside `ctrl`, likewise.
+    pub controls: Vec<(String, f64)>,
     /// Where it was written.
     pub source: Source,
 }

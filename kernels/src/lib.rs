@@ -24,6 +24,7 @@ pub mod part;
 pub mod passive;
 pub mod pipeline;
 pub mod position;
+pub mod sensor;
 pub mod smooth;
 pub mod solver;
 pub mod stage;

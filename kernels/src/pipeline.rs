@@ -8,6 +8,7 @@ use crate::drivers::{self, collision, solver};
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model, Varied};
 use crate::part::{Executor, Kernels, Op, Part, Step};
+use crate::sensor;
 use crate::smooth::Findings;
 pub use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, BlockStatus, State, Status};
@@ -101,6 +102,13 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
             solved.unfinished |= double::forward(step.model.model, step.state, given, stiff, step.ws);
         }
         step.end(Stage::Solver);
+    }
+    if step.runs(Stage::Sensor) {
+        run.executor.run(Part::new(Op::Sensor), 0, &mut [], step);
+        let Step { model, state, applied, ws, .. } = step;
+        let (stages, energy, sensors) = ws.sensing();
+        sensor::measure_rows(*model, state, *applied, (stages, energy), sensors);
+        step.end(Stage::Sensor);
     }
     solved
 }

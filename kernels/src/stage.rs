@@ -22,12 +22,13 @@ pub enum Stage {
     Collision,
     Constraint,
     Solver,
+    Sensor,
     Integration,
 }
 
 impl Stage {
     /// All stages, with their names.
-    pub const ALL: [(Stage, &'static str); 12] = [
+    pub const ALL: [(Stage, &'static str); 13] = [
         (Stage::Position, "position"),
         (Stage::Inertia, "inertia"),
         (Stage::Velocity, "velocity"),
@@ -39,6 +40,7 @@ impl Stage {
         (Stage::Collision, "collision"),
         (Stage::Constraint, "constraint"),
         (Stage::Solver, "solver"),
+        (Stage::Sensor, "sensor"),
         (Stage::Integration, "integration"),
     ];
 
@@ -57,6 +59,7 @@ impl Stage {
             // In the metric of discrete steps.
             Acceleration => &[Inertia, Velocity, Passive, Actuation, Stage::Derivative],
             Solver => &[Constraint, Acceleration],
+            Stage::Sensor => &[Solver],
             Stage::Integration => &[Solver, Stage::Derivative],
         }
     }
@@ -84,6 +87,7 @@ impl Stage {
             Stage::Constraint => model.constrained(),
             Stage::Derivative => !matches!(model.options.integrator, Integrator::Euler | Integrator::Rk4),
             Stage::Passive => model.features.passive(),
+            Stage::Sensor => !model.sensors.is_empty() && model.options.flags.sensor,
             // Lengths are there to be read even where actuation is off.
             Stage::Actuation => !model.actuators.is_empty(),
             _ => true,
@@ -98,8 +102,9 @@ pub struct Stages(u16);
 impl Stages {
     /// None.
     pub const NONE: Stages = Stages(0);
-    /// Those that a step needs: all but energy.
-    pub const STEP: Stages = Stages(((1 << Stage::ALL.len()) - 1) & !(1 << Stage::Energy as u16));
+    /// Those that a step needs: all but energy and sensors.
+    pub const STEP: Stages =
+        Stages(((1 << Stage::ALL.len()) - 1) & !(1 << Stage::Energy as u16) & !(1 << Stage::Sensor as u16));
 
     /// The stage, and all stages whose results it needs.
     pub fn up_to(stage: Stage) -> Stages {

@@ -14,6 +14,7 @@ use crate::model::{Model, Sizes};
 use crate::options::Integrator;
 use crate::passive::Passive;
 use crate::position::Position;
+use crate::sensor::{self, Sensors};
 use crate::smooth::Smooth;
 use crate::solver::SolverWork;
 use crate::stage::Stage;
@@ -39,6 +40,7 @@ pub struct Workspace<L> {
     pub solver: SolverWork<L>,
     pub integration: Integration<L>,
     pub energy: Energy<L>,
+    pub sensors: Sensors<L>,
     /// What a solver of discrete steps has in place of the inertia: only the matrix is filled in.
     pub metric: Option<Box<Inertia<L>>>,
     /// Of a model that is integrated so.
@@ -54,6 +56,17 @@ impl<L> Workspace<L> {
             self;
         let colliders = &mut collision.colliders;
         Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
+    }
+
+    /// What sensors read, and what they write.
+    pub fn sensing(&mut self) -> (sensor::Stages<'_, L>, &mut Energy<L>, &mut Sensors<L>)
+    where
+        L: Lane,
+    {
+        let Workspace {
+            position, inertia, velocity, actuation, collision, constraint, solver, energy, sensors, ..
+        } = self;
+        (sensor::Stages { position, inertia, velocity, actuation, collision, constraint, solver }, energy, sensors)
     }
 }
 
@@ -85,6 +98,7 @@ impl<L: Lane> Workspace<L> {
             solver: SolverWork::new(model),
             integration: Integration::new(&of(Stage::Integration)),
             energy: Energy::new(sizes),
+            sensors: Sensors::new(sizes),
             metric: discrete(model).then(|| Box::new(Inertia::new(&Sizes { nlink: 0, ..sizes.clone() }))),
             rk4: Rk4::new(model).map(Box::new),
             double: None,
@@ -108,6 +122,7 @@ impl<L: Lane> Workspace<L> {
             SolverWork::<L>::bytes(model),
             Integration::<L>::bytes(&of(Stage::Integration)),
             Energy::<L>::bytes(sizes),
+            Sensors::<L>::bytes(sizes),
             Rk4::<L>::bytes(model),
             if discrete(model) { Inertia::<L>::bytes(&Sizes { nlink: 0, ..sizes.clone() }) } else { 0 },
         ];

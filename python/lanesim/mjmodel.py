@@ -27,6 +27,14 @@ GEOM = "pos quat contype conaffinity condim priority friction solmix solref soli
 EQUALITIES = ("connect", "weld", "joint", "tendon", "flex")
 HELD = {"connect": "", "weld": "", "joint": "joint"}
 """Those that are built, and what they hold: bodies or sites where it is not said."""
+SENSORS = {
+    "jointactfrc": "jointactuatorfrc", "tendonactfrc": "tendonactuatorfrc", "geomdist": "distance", "geomnormal": "normal",
+    "geomfromto": "fromto",
+}  # fmt: skip
+"""Tags of sensors that are not called like their type."""
+OBJECTS = {1: "body", 2: "xbody", 3: "joint", 5: "geom", 6: "site", 18: "tendon", 19: "actuator"}
+STAGES = ("pos", "pos", "vel", "acc")
+DATA_TYPES = ("real", "positive", "axis", "quaternion")
 GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
 BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
@@ -75,6 +83,9 @@ class _Writer:
         m = self.m
         referred = [("geom", int(g)) for g in (*m.pair_geom1, *m.pair_geom2)]
         referred += [("body", int(s) >> shift & 0xFFFF) for s in m.exclude_signature for shift in (0, 16)]
+        for types, ids in ((m.sensor_objtype, m.sensor_objid), (m.sensor_reftype, m.sensor_refid)):
+            seen = [(OBJECTS.get(int(kind)), int(i)) for kind, i in zip(types, ids) if i >= 0]
+            referred += [("body" if kind == "xbody" else kind, i) for kind, i in seen if kind]
         kinds = {"joint": "joint", "jointinparent": "joint", "tendon": "tendon", "site": "site", "slidercrank": "site"}
         kinds["body"] = "body"
         for a in range(m.nactuator):
@@ -310,7 +321,9 @@ class _Writer:
             sensors = root.add("sensor")
             for s in range(m.nsensor):
                 kind = mujoco.mjtSensor(m.sensor_type[s]).name.removeprefix("mjSENS_").lower()
-                sensors.add(kind, name=m.sensor(s).name or f"sensor {s}")
+                tag = SENSORS.get(kind, kind)
+                numbers = {"cutoff": m.sensor_cutoff[s], "noise": m.sensor_noise[s]}
+                sensors.add(tag, name=m.sensor(s).name or f"sensor {s}", **numbers, **self._sensed(tag, s))
         if (m.geom_type == GEOMS.index("mesh")).any():
             assets = root.add("asset")
             for i in range(m.nmesh):
@@ -318,6 +331,29 @@ class _Writer:
                 inertia, faces = _centred(vertices, faces)
                 written = {"vertex": vertices.ravel(), "face": faces.ravel()}
                 assets.add("mesh", name=self._mesh_name(i), inertia=inertia, **written)
+
+    def _sensed(self, tag: str, s: int) -> dict[str, Any]:
+        """What a sensor is about, as attributes; nothing of a kind that is not built."""
+        m = self.m
+        sides = [(m.sensor_objtype, m.sensor_objid), (m.sensor_reftype, m.sensor_refid)]
+        objects = [(OBJECTS.get(int(kind[s])), int(number[s])) for kind, number in sides if number[s] >= 0]
+        if any(kind is None for kind, _ in objects):
+            return {"camera": "camera"} if tag == "rangefinder" else {}
+        named = [(kind, self.name("body" if kind == "xbody" else kind, i)) for kind, i in objects if kind]
+        if tag.startswith("frame"):
+            prefixed = zip(("obj", "ref"), named)
+            return {prefix + what: x for prefix, of in prefixed for what, x in zip(("type", "name"), of)}
+        if tag == "insidesite":
+            (kind, name), (_, site) = named
+            return {"site": site, "objtype": kind, "objname": name}
+        if tag == "user":
+            about = {"objtype": named[0][0], "objname": named[0][1]} if named else {}
+            stage, data = STAGES[int(m.sensor_needstage[s])], DATA_TYPES[int(m.sensor_datatype[s])]
+            return {**about, "dim": int(m.sensor_dim[s]), "needstage": stage, "datatype": data}
+        if tag == "rangefinder" and int(m.sensor_dim[s]) != 1:
+            return {"site": named[0][1], "data": "dist point"}
+        history = int(m.sensor_history[s][0]) if hasattr(m, "sensor_history") else 0
+        return {**dict(named), **({"nsample": history} if history else {})}
 
     def _mesh_name(self, mesh: int) -> str:
         return str(self.m.mesh(mesh).name or f"mesh {mesh}")
@@ -401,8 +437,6 @@ def _centred(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> tuple[s
 def differences(m: Any, model: Any) -> Iterator[str]:
     """Arrays of a lanesim model that are not those of the MjModel it was made from."""
     for name, size in model.sizes().items():
-        if name.startswith("nsensor"):  # No motion depends on sensors, which are a note.
-            continue
         if getattr(m, name, size) != size:
             yield f"{name} would be {size} instead of {getattr(m, name)}"
     for name in model.array_names:

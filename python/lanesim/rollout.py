@@ -119,6 +119,9 @@ class Rollout:
             sensordata = _reuse.empty((nbatch, nstep, model.nsensordata), dtype)
         recorded = worlds._recorded(_arrays.names_of(outputs), (nbatch, nstep), {})
         names, arrays = ["state", *recorded], [state, *recorded.values()]
+        if model.nsensordata:
+            names.append("sensordata")
+            arrays.append(sensordata)
         plan.start(worlds, not skip_checks)
         worlds._run(nstep, plan.controls(not skip_checks), names, arrays, progress)
         return (state, sensordata) if outputs is None else (state, sensordata, recorded)
@@ -297,7 +300,7 @@ def rollout(
 
     Returns:
         state, [nbatch, nstep, nstate], after each step; a world that diverges repeats its last good state.
-        sensordata, [nbatch, nstep, nsensordata]: empty, since sensors are not built yet and nsensordata is 0.
+        sensordata, [nbatch, nstep, nsensordata]: what sensors measure at the state from which each step starts.
         If `outputs` are given, also a dict of arrays [nbatch, nstep, ...].
     """
     check_call(model, initial_state, control, rest, unknown)

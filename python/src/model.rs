@@ -92,6 +92,7 @@ impl Model {
             "site" => &names.sites,
             "equality" => &names.equalities,
             "actuator" => &names.actuators,
+            "sensor" => &names.sensors,
             "key" => &names.keys,
             _ => return Err(PyKeyError::new_err(kind.to_string())),
         })

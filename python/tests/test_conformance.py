@@ -109,16 +109,6 @@ def mismatches(exact: mujoco.MjModel, model: lanesim.Model) -> list[str]:
     return out
 
 
-def load(path: pathlib.Path) -> lanesim.Model:
-    """The model; sensors are left out, since they have no effect on the motion."""
-    try:
-        return lanesim.Model.from_xml_path(path, options=corpus.OPTIONS)
-    except lanesim.ModelError as error:
-        if all(d.message.startswith("sensors are not supported") for d in error.diagnostics):
-            return lanesim.Model.from_xml_path(path, options=corpus.OPTIONS, lenient=True)
-        raise
-
-
 def compare(paths: list[pathlib.Path]) -> tuple[int, list[str], list[str]]:
     """Number of models that were compared, what differs, and which were passed over and why."""
     compared, wrong, passed_over = 0, [], []
@@ -128,7 +118,7 @@ def compare(paths: list[pathlib.Path]) -> tuple[int, list[str], list[str]]:
             passed_over.append(f"{path.name}: not a model of its own")
             continue
         try:
-            model = load(path)
+            model = lanesim.Model.from_xml_path(path, options=corpus.OPTIONS)
         except lanesim.ModelError as error:
             if corpus.unsupported(error):
                 passed_over.append(f"{path.name}: {error.diagnostics[0].message}")

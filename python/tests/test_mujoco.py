@@ -264,10 +264,26 @@ def test_unknown_names_come_with_the_nearest(pendulum, call, text) -> None:
     assert len(str(caught.value)) < 200 or "valid:" in str(caught.value)
 
 
-def test_an_mjmodel_with_sensors_is_taken_over_with_a_note() -> None:
-    xml = """<mujoco><worldbody><body><joint name='j'/><geom size='.1' pos='1 0 0'/></body></worldbody>
-    <sensor><jointpos joint='j'/><jointvel joint='j'/></sensor></mujoco>"""
-    exact = mujoco.MjModel.from_xml_string(xml)
+def test_an_mjmodel_with_sensors_is_taken_over() -> None:
+    path = corpus.MODELS / "unit" / "sensors.xml"
+    exact = mujoco.MjModel.from_xml_path(str(path))
     model = lanesim.Model.from_mjmodel(exact)
-    assert model.nsensordata == 0 and any("sensor" in note for note in model.report().notes)
+    assert model.nsensordata == exact.nsensordata
     same(exact, model)
+
+
+def test_rollouts_have_mujocos_sensordata() -> None:
+    from mujoco import rollout
+
+    exact = mujoco.MjModel.from_xml_path(str(corpus.MODELS / "unit" / "sensors.xml"))
+    model = lanesim.Model.from_mjmodel(exact)
+    data = mujoco.MjData(exact)
+    start = np.empty((1, mujoco.mj_stateSize(exact, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)))
+    mujoco.mj_getState(exact, data, start[0], mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+    control = np.full((1, 20, exact.nu), 0.1)
+    _, wanted = rollout.rollout(exact, data, start, control)
+    _, found = lanesim.rollout(model, start, control)
+    scale = np.maximum(np.abs(wanted).max(axis=1, keepdims=True), 1.0)
+    assert np.abs((found - wanted) / scale).max() < 1e-6
+    _, again, recorded = lanesim.rollout(model, start, control, outputs=["sensordata"])
+    assert np.array_equal(again, found) and np.array_equal(recorded["sensordata"], found)

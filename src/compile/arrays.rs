@@ -23,6 +23,7 @@ pub(crate) struct Sources<'a> {
     pub derived: &'a Derived,
     pub actuators: &'a Actuators,
     pub held: &'a [super::equality::Objects],
+    pub sensed: &'a [[(i32, i32); 2]],
     pub geom_names: &'a Names,
     pub keys: &'a [Key],
 }
@@ -60,6 +61,7 @@ pub(crate) fn arrays(s: &Sources) -> BTreeMap<&'static str, Array> {
     contacts(s, &mut out);
     equalities(s, &mut out);
     actuators(s, &mut out);
+    sensors(s, &mut out);
     keys(s, &mut out);
     options(&s.spec.option, &mut out);
     out.0
@@ -297,6 +299,21 @@ fn actuators(s: &Sources, out: &mut Arrays) {
     out.reals("actuator_dampingpoly", 2, written.iter().flat_map(|a| [a.damping[1], a.damping[2]]));
     out.reals("actuator_acc0", 0, s.actuators.acc0.iter().copied());
     out.reals("actuator_length0", 0, s.actuators.length0.iter().copied());
+}
+
+fn sensors(s: &Sources, out: &mut Arrays) {
+    let (written, table) = (&s.spec.sensors, &s.tables.sensors);
+    out.ints("sensor_type", 0, table.iter().map(|sensor| sensor.kind as i32));
+    out.ints("sensor_datatype", 0, written.iter().map(super::sensors::data_type));
+    out.ints("sensor_needstage", 0, written.iter().map(super::sensors::need_stage));
+    out.ints("sensor_objtype", 0, s.sensed.iter().map(|[(kind, _), _]| *kind));
+    out.ints("sensor_objid", 0, s.sensed.iter().map(|[(_, id), _]| *id));
+    out.ints("sensor_reftype", 0, s.sensed.iter().map(|[_, (kind, _)]| *kind));
+    out.ints("sensor_refid", 0, s.sensed.iter().map(|[_, (_, id)]| *id));
+    out.ints("sensor_dim", 0, table.iter().map(|sensor| sensor.data.len as i32));
+    out.ints("sensor_adr", 0, table.iter().map(|sensor| sensor.data.start as i32));
+    out.reals("sensor_cutoff", 0, written.iter().map(|sensor| sensor.cutoff));
+    out.reals("sensor_noise", 0, written.iter().map(|sensor| sensor.noise));
 }
 
 fn keys(s: &Sources, out: &mut Arrays) {

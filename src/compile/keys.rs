@@ -19,7 +19,21 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
         ..Key::default()
     };
     let complete = |key: &crate::spec::Key| {
-        let mut qpos = filled(&key.qpos, &defaults.qpos, 1);
+        let (mut qpos, mut qvel) = (filled(&key.qpos, &defaults.qpos, 1), filled(&key.qvel, &defaults.qvel, 1));
+        for part in &key.parts {
+            let Some(body) = scene.bodies.iter().find(|body| std::ptr::eq(body.spec, &spec.bodies[part.body])) else {
+                continue;
+            };
+            let Some(joint) = scene.joints.get(body.joints.start) else { continue };
+            copy(&mut qpos, joint.qpos, &part.qpos);
+            copy(&mut qvel, joint.dof, &part.qvel);
+        }
+        let mut ctrl = filled(&key.ctrl, &defaults.ctrl, 1);
+        for (name, x) in &key.controls {
+            if let Some(actuator) = spec.actuators.iter().position(|actuator| actuator.name == *name) {
+                ctrl[actuator] = *x;
+            }
+        }
         for joint in &scene.joints {
             match joint.spec.kind {
                 JointKind::Free => normalise(&mut qpos[joint.qpos + 3..joint.qpos + 7]),
@@ -33,9 +47,9 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
             name: key.name.clone(),
             time: key.time,
             qpos,
-            qvel: filled(&key.qvel, &defaults.qvel, 1),
+            qvel,
             act: key.act.clone().unwrap_or_default(),
-            ctrl: filled(&key.ctrl, &defaults.ctrl, 1),
+            ctrl,
             mpos: filled(&key.mpos, &defaults.mpos, 3),
             mquat,
             eq_active: defaults.eq_active.clone(),
@@ -51,6 +65,13 @@ fn filled(given: &Option<Vec<f64>>, defaults: &[f64], unit: usize) -> Vec<f64> {
     let whole = given.len() / unit * unit;
     out[..whole].copy_from_slice(&given[..whole]);
     out
+}
+
+/// Copies numbers to where they belong, if they are as many as there is room for.
+fn copy(to: &mut [f64], start: usize, numbers: &[f64]) {
+    if let Some(to) = to.get_mut(start..start + numbers.len()) {
+        to.copy_from_slice(numbers);
+    }
 }
 
 fn normalise(quat: &mut [f64]) {

@@ -107,6 +107,7 @@ impl Links {
         let table = |(b, body): (usize, &super::order::Body)| Body {
             link: self.body_link[b],
             com: com((b, body)),
+            rot: row_major(self.body_pose[b].then(&body.mass.frame).rotation()),
             mass: body.mass.mass,
             inertia: body.mass.inertia.to_array(),
         };

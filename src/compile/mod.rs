@@ -24,13 +24,14 @@ mod pose;
 mod report;
 mod response;
 mod rows;
+mod sensors;
 #[cfg(test)]
 mod tests;
 
 use glam::DVec3;
 use lanesim_kernels::acceleration::articulated;
 use lanesim_kernels::collision::{blur, levers};
-use lanesim_kernels::model::{self as kernel, Features, Sizes};
+use lanesim_kernels::model::{self as kernel, EqualityKind, Features, SensorKind, Sizes};
 use lanesim_kernels::options::{Integrator, Options};
 use lanesim_kernels::stage::Stage;
 
@@ -41,6 +42,7 @@ use actuators::Actuators;
 use links::Links;
 use order::Scene;
 pub(crate) use pairs::MINMU;
+use sensors::Sensors;
 
 /// Compiles a model, or says everything that is wrong with it.
 ///
@@ -62,7 +64,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let (placed, meshes) = meshes::place(spec, &mut diagnostics);
     let spec = &*placed;
     let mut notes = spec.notes.clone();
-    if !check::check(spec, &mut diagnostics) {
+    let tree = check::check(spec, &mut diagnostics);
+    sensors::check(spec, &mut diagnostics);
+    if !tree {
         return Err(diagnostics.first());
     }
     let scene = Scene::new(spec, &mut diagnostics, &mut notes);
@@ -104,12 +108,15 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         );
         Default::default()
     });
+    let limits = constraints::limits(&spec.option, &scene, &derived.dof_invweight0);
+    let sensors = sensors::Sources { spec, scene: &scene, links: &links, names: &names, limits: &limits };
+    let sensors = Sensors::new(&sensors, &mut diagnostics);
     diagnostics.into_result()?;
 
     let keys = keys::keys(spec, &scene);
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
-        sizes: sizes(&scene, &links, &actuators, &pairs, &equalities, nm),
+        sizes: sizes(&scene, &links, &actuators, &pairs, &equalities, &sensors, nm),
         options: spec.option.clone().limited(),
         features: features(&spec.option, &links, &joints, &dofs, &actuators),
         joints,
@@ -120,13 +127,16 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         hulls: pairs.hulls.into(),
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
-        limits: constraints::limits(&spec.option, &scene, &derived.dof_invweight0),
+        limits,
         friction_losses: constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0),
         equalities: equalities.table,
         equality_dofs: equalities.dofs,
         eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
         fluids: fluids(&spec.option, &links, &scene),
         actuators: actuators.table.clone(),
+        sensors: sensors.table,
+        mounts: sensors.mounts,
+        targets: sensors.targets,
         rows,
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
@@ -155,6 +165,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         derived: &derived,
         actuators: &actuators,
         held: &equalities.held,
+        sensed: &sensors.objects,
         geom_names: &names.geoms,
         keys: &keys,
     });
@@ -233,6 +244,7 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
         sites: Names::new(scene.sites.iter().map(|s| s.spec.name.clone()).collect()),
         equalities: Names::new(spec.equalities.iter().map(|e| e.name.clone()).collect()),
         actuators: Names::new(spec.actuators.iter().map(|a| a.name.clone()).collect()),
+        sensors: Names::new(spec.sensors.iter().map(|s| s.name.clone()).collect()),
         keys: Names::new(spec.keys.iter().map(|k| k.name.clone()).collect()),
     }
 }
@@ -243,8 +255,13 @@ fn sizes(
     actuators: &Actuators,
     pairs: &pairs::Pairs,
     equalities: &equality::Equalities,
+    sensors: &Sensors,
     nm: usize,
 ) -> Sizes {
+    let measures = |what: fn(SensorKind) -> bool| sensors.table.iter().any(|sensor| what(sensor.kind));
+    // Torques of welds go by orientations.
+    let welded = measures(|kind| matches!(kind, SensorKind::Force | SensorKind::Torque))
+        && equalities.table.iter().any(|equality| equality.kind == EqualityKind::Weld);
     Sizes {
         nq: scene.nq,
         nv: scene.nv,
@@ -266,6 +283,9 @@ fn sizes(
         neq: equalities.held.len(),
         ne: equalities.ne,
         nej: equalities.nej,
+        nsensordata: sensors.ndata,
+        nsensoracc: if measures(SensorKind::of_accelerations) { links.links.len() } else { 0 },
+        nsensorquat: if measures(|kind| kind == SensorKind::FrameQuat) || welded { links.links.len() } else { 0 },
     }
 }
 

@@ -21,6 +21,7 @@ pub(crate) fn check_unique(spec: &Spec, diagnostics: &mut Diagnostics) {
     unique("exclude", spec.excludes.iter().map(|e| (&e.name, &e.source)), diagnostics);
     unique("equality", spec.equalities.iter().map(|e| (&e.name, &e.source)), diagnostics);
     unique("actuator", spec.actuators.iter().map(|a| (&a.name, &a.source)), diagnostics);
+    unique("sensor", spec.sensors.iter().map(|s| (&s.name, &s.source)), diagnostics);
     unique("key", spec.keys.iter().map(|k| (&k.name, &k.source)), diagnostics);
 }
 

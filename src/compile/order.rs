@@ -11,7 +11,7 @@ use super::names::label;
 use super::pose::Pose;
 use super::report::List;
 use crate::diagnostics::Diagnostics;
-use crate::spec::{self, Held, InertiaFromGeom, JointKind, Spec};
+use crate::spec::{self, Held, InertiaFromGeom, JointKind, ObjectKind, Spec};
 
 /// A body in its place.
 pub(crate) struct Body<'a> {
@@ -165,7 +165,7 @@ fn body_mass(spec: &Spec, index: usize, pose: Pose, diagnostics: &mut Diagnostic
     mass
 }
 
-/// Merges bodies without joints into their parents, unless they are mocap, say so, are named by an exclude, or have mass and
+/// Merges bodies without joints into their parents, unless they are mocap, say so, are named by others, or have mass and
 /// a parent that differs in gravity compensation.
 fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
     let excluded = spec.excludes.iter().flat_map(|e| [e.body1.as_str(), e.body2.as_str()]);
@@ -173,7 +173,9 @@ fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
         Held::Points { bodies, .. } | Held::Frames { bodies, .. } => bodies.each_ref().map(String::as_str),
         Held::Sites(_) | Held::SiteFrames { .. } | Held::Joints { .. } => [""; 2],
     });
-    let named: HashSet<&str> = excluded.chain(held).collect();
+    let sensed = spec.sensors.iter().flat_map(|sensor| sensor.object.iter().chain(&sensor.reference));
+    let sensed = sensed.filter(|object| matches!(object.kind, ObjectKind::Body | ObjectKind::XBody));
+    let named: HashSet<&str> = excluded.chain(held).chain(sensed.map(|object| object.name.as_str())).collect();
     let mut kept: Vec<Draft> = Vec::with_capacity(drafts.len());
     // Where each draft went, and its pose there.
     let mut host: Vec<(usize, Pose)> = Vec::with_capacity(drafts.len());

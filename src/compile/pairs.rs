@@ -338,6 +338,7 @@ fn geom(geom: &Placed<spec::Geom>, id: usize, links: &Links) -> Geom<f64> {
     let rotation = pose.rotation();
     Geom {
         id: id as u32,
+        body: geom.body as u32,
         shape: match geom.spec.shape {
             spec::Shape::Plane => Shape::Plane,
             spec::Shape::Sphere => Shape::Sphere,

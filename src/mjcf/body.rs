@@ -1,6 +1,6 @@
 //! The body tree: bodies, frames, and what they hold.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::defaults::{Classes, MAIN};
 use super::geom::RawGeom;
@@ -11,7 +11,7 @@ use super::reference::{Entry, References};
 use super::replicate::Replica;
 use super::report::Report;
 use super::tree::{Element, Tree};
-use crate::spec::{Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Pair};
+use crate::spec::{Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Key, Mesh, Pair, Sensor, Spec};
 
 /// Words of `body/fuse`.
 const FUSE: &[(&str, bool)] = &[("auto", true), ("false", false)];
@@ -76,7 +76,13 @@ pub(super) struct Builder<'a> {
     pub excludes: References<Exclude>,
     pub equalities: References<Equality>,
     pub actuators: References<Entry>,
+    pub sensors: References<Sensor>,
     pub compiler: &'a Compiler,
+    /// What is to be attached, by the index of its element.
+    pub parts: HashMap<usize, Spec>,
+    /// Meshes and keyframes of what was.
+    pub meshes: Vec<Mesh>,
+    pub keys: Vec<Key>,
     /// Geoms that are left out though nothing says lenient, by why: how many, and the first.
     pub decorations: BTreeMap<&'static str, (usize, String)>,
     /// Names of geoms that were left out.
@@ -146,7 +152,8 @@ impl Builder<'_> {
             "camera" => self.cameras += 1,
             "light" => self.lights += 1,
             "plugin" => self.report.unsupported(element, "plugins are"),
-            tag @ ("attach" | "composite" | "flexcomp") => {
+            "attach" => self.attach(index, scope),
+            tag @ ("composite" | "flexcomp") => {
                 self.report.unsupported(element, &format!("{tag} is"));
                 self.lost_coordinates = true;
             }
@@ -178,6 +185,48 @@ impl Builder<'_> {
         let held = Held::of(self.tree, index, scope.held);
         let inner = Scope { body: self.bodies.len() - 1, frame: Pose::IDENTITY, class, replicated: false, held };
         visit_children(self.tree, index, inner, tasks);
+    }
+
+    /// Puts a part of another model here.
+    fn attach(&mut self, index: usize, scope: Scope) {
+        let element = &self.tree[index];
+        let Some(mut part) = self.parts.remove(&index) else {
+            // Why is reported.
+            self.lost_coordinates = true;
+            return;
+        };
+        let count = part.bodies.iter().map(|body| 1 + body.joints.len() + body.geoms.len() + body.sites.len()).sum();
+        if !self.reserve(element, count) {
+            return;
+        }
+        self.report.adopt(&mut part);
+        let (shift, mut bodies) = (self.bodies.len() - 1, part.bodies.into_iter());
+        if let Some(mut content) = bodies.next() {
+            content.geoms.iter_mut().for_each(|geom| place(scope.frame, &mut geom.pos, &mut geom.quat));
+            content.sites.iter_mut().for_each(|site| place(scope.frame, &mut site.pos, &mut site.quat));
+            let holder = &mut self.bodies[scope.body];
+            holder.geoms.append(&mut content.geoms);
+            holder.sites.append(&mut content.sites);
+        }
+        for mut body in bodies {
+            if body.parent == 0 {
+                place(scope.frame, &mut body.pos, &mut body.quat);
+                body.parent = scope.body;
+            } else {
+                body.parent += shift;
+            }
+            self.bodies.push(body);
+        }
+        part.pairs.into_iter().for_each(|pair| self.pairs.push(pair));
+        part.excludes.into_iter().for_each(|exclude| self.excludes.push(exclude));
+        part.equalities.into_iter().for_each(|equality| self.equalities.push(equality));
+        part.actuators.into_iter().for_each(|actuator| self.actuators.push(Entry { actuator, kept: true }));
+        part.sensors.into_iter().for_each(|sensor| self.sensors.push(sensor));
+        self.meshes.append(&mut part.meshes);
+        for mut key in part.keys {
+            key.parts.iter_mut().for_each(|part| part.body += shift);
+            self.keys.push(key);
+        }
     }
 
     /// Position and orientation of an element; what is wrong is reported.

@@ -37,6 +37,8 @@ pub(super) struct Placement {
     fromto: Option<[f64; 6]>,
     /// Name of the mesh that is the shape, or to which it is fitted.
     mesh: String,
+    /// Colour and opacity.
+    rgba: [f64; 4],
 }
 
 impl Placement {
@@ -48,6 +50,7 @@ impl Placement {
             orientation: Orientation::IDENTITY,
             fromto: None,
             mesh: String::new(),
+            rgba: [0.5, 0.5, 0.5, 1.0],
         }
     }
 
@@ -60,7 +63,7 @@ impl Placement {
         if reader.list("fromto", &mut fromto) {
             self.fromto = Some(fromto);
         }
-        reader.ignored("rgba", 4, false);
+        reader.list("rgba", &mut self.rgba);
         if let Some(mesh) = reader.element.get("mesh") {
             self.mesh = mesh.to_string();
         }
@@ -223,7 +226,8 @@ impl RawGeom {
         }
         let Resolved { shape, size, pos, quat } = self.placement.resolve(element, angles, report)?;
         let mass = self.mass.map_or(GeomMass::Density(self.density), GeomMass::Mass);
-        Some(Geom { shape, size, mesh, pos, quat, mass, source: element.source.clone(), ..self.geom })
+        let clear = self.placement.rgba[3] == 0.0;
+        Some(Geom { shape, clear, size, mesh, pos, quat, mass, source: element.source.clone(), ..self.geom })
     }
 }
 

@@ -62,6 +62,44 @@ pub(super) fn read(
     Ok(tree)
 }
 
+/// Where a file is that is named in the file `by`, and its text; the error is a message and a remedy.
+pub(super) fn fetch(
+    files: &Files,
+    name: &str,
+    by: Option<&str>,
+    report: &mut Report,
+) -> (PathBuf, Result<String, (String, String)>) {
+    let (path, text) = match files {
+        Files::Memory(texts) => match given(texts, name) {
+            Some((key, bytes)) => (PathBuf::from(key), Ok(decode(bytes.clone()).text)),
+            None => {
+                let near = report.seek(|| did_you_mean(name, texts.keys().map(String::as_str)));
+                (PathBuf::from(name), Err(format!("no such file among those given {near}").trim_end().to_string()))
+            }
+        },
+        Files::Recorded(document) => match document.find(by, name) {
+            Some(include) => (PathBuf::from(&include.path), Ok(include.text.clone())),
+            None => (PathBuf::from(name), Err("no such file among those recorded".to_string())),
+        },
+        Files::Disk { folder, .. } => {
+            let path = find(name, folder, by);
+            let text = read_text(&path);
+            if text.as_ref().is_ok_and(|text| !text.utf8) {
+                note_encoding(&path.display().to_string(), report);
+            }
+            (path, text.map(|text| text.text))
+        }
+    };
+    let text = text.map_err(|message| {
+        let near = match files {
+            Files::Disk { .. } => report.seek(|| neighbour(&path)),
+            Files::Memory(_) | Files::Recorded(_) => String::new(),
+        };
+        (format!("file {}: {message}", quoted(name)), format!("{near}{INCLUDE_PATHS}"))
+    });
+    (path, text)
+}
+
 struct Loader<'a> {
     files: &'a Files<'a>,
     seen: HashSet<PathBuf>,
@@ -83,36 +121,11 @@ impl Loader<'_> {
         if !element.children.is_empty() {
             report.error(element, "include must be empty", "");
         }
-        let (path, text) = match self.files {
-            Files::Memory(texts) => match given(texts, &name) {
-                Some((key, bytes)) => (PathBuf::from(key), Ok(decode(bytes.clone()).text)),
-                None => {
-                    let near = report.seek(|| did_you_mean(&name, texts.keys().map(String::as_str)));
-                    (PathBuf::from(&name), Err(format!("no such file among those given {near}").trim_end().to_string()))
-                }
-            },
-            Files::Recorded(document) => match document.find(element.source.file.as_deref(), &name) {
-                Some(include) => (PathBuf::from(&include.path), Ok(include.text.clone())),
-                None => (PathBuf::from(&name), Err("no such file among those recorded".to_string())),
-            },
-            Files::Disk { folder, .. } => {
-                let path = find(&name, folder, element.source.file.as_deref());
-                let text = read_text(&path);
-                if text.as_ref().is_ok_and(|text| !text.utf8) {
-                    note_encoding(&path.display().to_string(), report);
-                }
-                (path, text.map(|text| text.text))
-            }
-        };
+        let (path, text) = fetch(self.files, &name, element.source.file.as_deref(), report);
         let text = match text {
             Ok(text) => text,
-            Err(message) => {
-                let near = match self.files {
-                    Files::Disk { .. } => report.seek(|| neighbour(&path)),
-                    Files::Memory(_) | Files::Recorded(_) => String::new(),
-                };
-                let remedy = format!("{near}{INCLUDE_PATHS}");
-                report.error(element, format!("file {}: {message}", quoted(&name)), remedy);
+            Err((message, remedy)) => {
+                report.error(element, message, remedy);
                 return Ok(None);
             }
         };
@@ -148,8 +161,8 @@ pub(super) struct Assets<'a, 'b> {
 }
 
 impl<'a, 'b> Assets<'a, 'b> {
-    /// For the compiler settings of a model.
-    pub fn new(tree: &Tree, files: &'a Files<'a>, record: Option<&'b mut Record>) -> Self {
+    /// For the compiler settings of a model whose own files are in the folder `base`.
+    pub fn new(tree: &Tree, files: &'a Files<'a>, base: &str, record: Option<&'b mut Record>) -> Self {
         let (mut folder, mut strip) = (["", ""], false);
         for index in tree.sections("compiler") {
             for (place, name) in folder.iter_mut().zip(["assetdir", "meshdir"]) {
@@ -158,7 +171,8 @@ impl<'a, 'b> Assets<'a, 'b> {
             strip = tree[index].get("strippath").map_or(strip, |value| value == "true");
         }
         let [assets, meshes] = folder;
-        let folder = if meshes.is_empty() { assets } else { meshes }.to_string();
+        let folder = if meshes.is_empty() { assets } else { meshes };
+        let folder = if folder.starts_with('/') { folder.to_string() } else { format!("{base}{folder}") };
         Assets { files, folder, strip, bytes: 0, record }
     }
 

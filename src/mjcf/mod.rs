@@ -9,6 +9,7 @@
 
 mod actuator;
 mod asset;
+mod attach;
 mod body;
 mod compiler;
 mod contact;
@@ -28,6 +29,7 @@ mod replicate;
 mod report;
 mod scan;
 mod schema;
+mod sensor;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -35,12 +37,13 @@ mod unbuilt;
 mod value;
 
 use std::collections::{BTreeMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
-use crate::spec::{Actuator, Body, Equality, Exclude, Pair, Spec, Transmission};
+use crate::spec::{Actuator, Body, Equality, Exclude, Key, Mesh, Object, ObjectKind, Pair, Sensor, Spec, Transmission};
 use actuator::Tag;
+use attach::Context;
 use body::Builder;
 use defaults::{Classes, MAIN};
 use document::Record;
@@ -48,7 +51,7 @@ pub use document::{Asset, Document, Include};
 use include::{Assets, Files};
 use reader::Reader;
 use reference::{Entry, References};
-use report::Report;
+use report::{Report, quoted};
 use tree::Tree;
 
 /// How to load a model.
@@ -96,16 +99,33 @@ fn read(
     file: Option<&Arc<str>>,
     files: &Files,
     options: &LoadOptions,
+    record: Option<&mut Record>,
+) -> Result<Spec, Diagnostics> {
+    let main = file.map(|file| PathBuf::from(file.as_ref()));
+    let context = Context { files, lenient: options.lenient, folder: "", around: main.as_slice(), cut: None };
+    read_model(text, file, &context, &options.overrides, record)
+}
+
+/// Reads a model, or a part of one.
+fn read_model(
+    text: &str,
+    file: Option<&Arc<str>>,
+    context: &Context,
+    overrides: &[(String, String)],
     mut record: Option<&mut Record>,
 ) -> Result<Spec, Diagnostics> {
-    let mut report = Report::new(options.lenient);
-    let tree = include::read(text, file, files, &mut report, record.as_deref_mut())?;
+    let mut report = Report::new(context.lenient);
+    let mut tree = include::read(text, file, context.files, &mut report, record.as_deref_mut())?;
     schema::check(&tree, &mut report);
+    if context.cut.is_some_and(|cut| !cut.apply(&mut tree)) {
+        return Err(report::file_problem(&tree[0].source, "there is no such part", ""));
+    }
     let mut spec = Spec::new(tree[0].get("model").unwrap_or_default());
     spec.bodies[0].source = tree[0].source.clone();
     let angles = compiler::read(&tree, &mut spec, &mut report);
     option::read(&tree, &mut spec, &mut report);
-    let overridden = option::apply(&options.overrides, &mut spec);
+    let parts = attach::parts(&tree, context, record.as_deref_mut(), &mut spec, &mut report);
+    let overridden = option::apply(overrides, &mut spec);
     option::reset_unbuilt(&mut spec, &mut report);
     option::note_iterations(&spec, &mut report);
     custom::check(&tree, &mut report);
@@ -115,6 +135,7 @@ fn read(
     let (pairs, excludes) = contacts(&tree, &classes, &mut report);
     let equalities = equality::all(&tree, &classes, &mut report);
     let actuators = actuators(&tree, &classes, &mut report);
+    let sensors = sensor::all(&tree, &mut report);
     let lost_coordinates = tree.section("deformable").any(|index| tree[index].tag != "skin");
     let mut builder = Builder {
         tree: &tree,
@@ -126,7 +147,11 @@ fn read(
         excludes: References::new(excludes),
         equalities: References::new(equalities),
         actuators: References::new(actuators),
+        sensors: References::new(sensors),
         compiler: &spec.compiler,
+        parts,
+        meshes: Vec::new(),
+        keys: Vec::new(),
         decorations: BTreeMap::new(),
         lost_geoms: Vec::new(),
         lost_coordinates,
@@ -137,7 +162,13 @@ fn read(
     builder.build();
     let built = Built::of(builder);
     built.finish(&tree, &mut spec, &mut report);
-    asset::meshes(&tree, &classes, &mut Assets::new(&tree, files, record), &mut spec, &mut report);
+    asset::meshes(
+        &tree,
+        &classes,
+        &mut Assets::new(&tree, context.files, context.folder, record),
+        &mut spec,
+        &mut report,
+    );
 
     report.into_result(&mut spec)?;
     overridden?;
@@ -151,6 +182,9 @@ struct Built {
     excludes: Vec<Exclude>,
     equalities: Vec<Equality>,
     actuators: Vec<Entry>,
+    sensors: Vec<Sensor>,
+    meshes: Vec<Mesh>,
+    keys: Vec<Key>,
     lost_geoms: HashSet<String>,
     lost_coordinates: bool,
     notes: Vec<String>,
@@ -174,6 +208,9 @@ impl Built {
             excludes: builder.excludes.into_items().collect(),
             equalities: builder.equalities.into_items().collect(),
             actuators: builder.actuators.into_items().collect(),
+            sensors: builder.sensors.into_items().collect(),
+            meshes: builder.meshes,
+            keys: builder.keys,
             lost_geoms: builder.lost_geoms.into_iter().collect(),
             lost_coordinates: builder.lost_coordinates,
             notes,
@@ -186,18 +223,34 @@ impl Built {
         for pair in self.pairs {
             let lost = [&pair.geom1, &pair.geom2].into_iter().find(|&name| self.lost_geoms.contains(name)).cloned();
             match lost {
-                Some(name) => report.lose_pair(&pair, &name),
+                Some(name) => report.lose_with(&pair.source, "pair", &format!("geom {}", quoted(&name))),
                 None => spec.pairs.push(pair),
             }
         }
-        let mut kept = Vec::new();
+        let (mut kept, mut lost) = (Vec::new(), self.lost_geoms);
         for entry in self.actuators {
             kept.push(entry.kept);
             if entry.kept {
                 spec.actuators.push(entry.actuator);
+            } else {
+                lost.insert(entry.actuator.name);
+            }
+        }
+        for sensor in self.sensors {
+            let of = |object: &&Object| matches!(object.kind, ObjectKind::Geom | ObjectKind::Actuator);
+            let mut objects = sensor.object.iter().chain(&sensor.reference).filter(of);
+            match objects.find(|object| !object.name.is_empty() && lost.contains(&object.name)) {
+                Some(object) => {
+                    let what = if object.kind == ObjectKind::Geom { "geom" } else { "actuator" };
+                    let left_out = format!("{what} {}", quoted(&object.name));
+                    report.lose_with(&sensor.source, sensor.kind.tag(), &left_out);
+                }
+                None => spec.sensors.push(sensor),
             }
         }
         spec.keys = keyframe::read(tree, &kept, self.lost_coordinates, report);
+        spec.keys.extend(self.keys);
+        spec.meshes = self.meshes;
         self.notes.into_iter().for_each(|note| report.note(note));
     }
 }
@@ -228,7 +281,8 @@ fn actuators(tree: &Tree, classes: &Classes, report: &mut Report) -> Vec<Entry> 
         let actuator = classes.actuator(class, tag, &mut reader).finish(tag, &mut reader);
         let kept = actuator.is_some();
         let joint = || Transmission::Joint(element.get("joint").unwrap_or_default().to_string());
-        let actuator = actuator.unwrap_or_else(|| Actuator { transmission: joint(), ..Actuator::default() });
+        let name = element.get("name").unwrap_or_default().to_string();
+        let actuator = actuator.unwrap_or_else(|| Actuator { name, transmission: joint(), ..Actuator::default() });
         entries.push(Entry { actuator, kept });
     }
     entries

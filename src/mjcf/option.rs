@@ -205,7 +205,15 @@ fn groups(text: &str, target: &mut u32) -> Result<(), String> {
 /// Switches a flag by its name.
 fn set_flag(f: &mut Flags, name: &str, value: &str) -> Result<(), String> {
     let on = keyword(value, SWITCH)?;
-    let target = match name {
+    if let Some(flag) = flag_mut(f, name) {
+        *flag = on;
+    }
+    Ok(())
+}
+
+/// A flag by its name.
+fn flag_mut<'a>(f: &'a mut Flags, name: &str) -> Option<&'a mut bool> {
+    Some(match name {
         "constraint" => &mut f.constraint,
         "equality" => &mut f.equality,
         "frictionloss" => &mut f.frictionloss,
@@ -234,8 +242,73 @@ fn set_flag(f: &mut Flags, name: &str, value: &str) -> Result<(), String> {
         "diagexact" => &mut f.diagexact,
         "ipc" => &mut f.ipc,
         "speculative" => &mut f.speculative,
-        _ => return Ok(()),
-    };
-    *target = on;
-    Ok(())
+        _ => return None,
+    })
+}
+
+/// What becomes of an option where a model and one that it attaches differ, and neither has the default.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Choice {
+    Least,
+    Most,
+    /// Neither.
+    Conflict,
+}
+
+/// Gives a model's options those of a model that it attaches, as `compiler/conflict` says: `merge` takes what one of both says; `error`
+/// refuses two that differ, and any other keeps the model's own.
+pub(super) fn merge(own: &mut Options, other: &Options, policy: Option<&str>, element: &Element, report: &mut Report) {
+    let (default, merges) = (Options::default(), policy == Some("merge"));
+    let (mut conflicts, mut kept) = (Vec::new(), false);
+    macro_rules! each {
+        ($($choice:ident: $($field:ident)*;)*) => {
+            $($(if own.$field != other.$field && other.$field != default.$field {
+                let (of_own, written) = (own.$field.clone(), own.$field != default.$field);
+                let chosen = match Choice::$choice {
+                    Choice::Least if other.$field < of_own => other.$field.clone(),
+                    Choice::Most if other.$field > of_own => other.$field.clone(),
+                    _ => of_own.clone(),
+                };
+                match (written, merges) {
+                    (false, true) => own.$field = other.$field.clone(),
+                    (true, true) if Choice::$choice != Choice::Conflict => own.$field = chosen,
+                    (true, _) if merges || policy == Some("error") => conflicts.push(stringify!($field)),
+                    _ => kept = true,
+                }
+            })*)*
+        };
+    }
+    each! {
+        Least: timestep tolerance ls_tolerance noslip_tolerance ccd_tolerance;
+        Most: iterations ls_iterations noslip_iterations ccd_iterations;
+        Conflict: gravity wind magnetic density viscosity impratio o_margin o_solref o_solimp o_friction actuatorgroupdisable;
+    }
+    macro_rules! words {
+        ($($field:ident)*) => {
+            $(if own.$field != other.$field && other.$field != default.$field {
+                match (own.$field != default.$field, merges) {
+                    (false, true) => own.$field = other.$field,
+                    (true, _) if merges || policy == Some("error") => conflicts.push(stringify!($field)),
+                    _ => kept = true,
+                }
+            })*
+        };
+    }
+    words!(integrator cone solver);
+    let (mut others, mut defaults) = (other.flags.clone(), default.flags.clone());
+    for name in FLAGS.split_ascii_whitespace() {
+        let of_other = flag_mut(&mut others, name).map(|flag| *flag);
+        if of_other != flag_mut(&mut defaults, name).map(|flag| *flag)
+            && let (Some(flag), Some(on)) = (flag_mut(&mut own.flags, name), of_other)
+            && *flag != on
+        {
+            if merges { *flag = on } else { kept = true }
+        }
+    }
+    if !conflicts.is_empty() {
+        let message = format!("options of the attached model differ from the model's own: {}", conflicts.join(", "));
+        report.error(element, message, "make them alike");
+    } else if kept {
+        report.note_on(element, "options of the attached model give way to those of this one");
+    }
 }

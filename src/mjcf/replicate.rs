@@ -1,10 +1,9 @@
 //! `replicate`: copies of a part of the body tree, each one step further.
 
-use std::collections::HashSet;
-
 use super::body::{Builder, place};
 use super::orientation::{Orientation, Pose};
 use super::reader::Reader;
+use super::reference::{Space, names};
 use crate::spec::Body;
 
 /// A `replicate` whose content is being read.
@@ -67,25 +66,27 @@ impl Replica {
         let holder = &mut builder.bodies[self.body];
         let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));
         let content = Body { geoms, sites, ..Body::default() };
-        let names = Names::new(&bodies, &content);
-        let (geoms, bodies_alone, joints) = ([&names.geoms], [&names.bodies], [&names.joints]);
-        let held = [&names.bodies, &names.sites, &names.joints];
-        let (pairs, excludes) = (builder.pairs.to(&geoms), builder.excludes.to(&bodies_alone));
-        let (equalities, actuators) = (builder.equalities.to(&held), builder.actuators.to(&joints));
+        let mut names = names(&bodies, &content);
+        let (pairs, excludes) = (builder.pairs.to(&names), builder.excludes.to(&names));
+        let (equalities, actuators) = (builder.equalities.to(&names), builder.actuators.to(&names));
+        let replicated = builder.actuators.names(&actuators);
+        names[Space::Actuator as usize] = replicated.iter().map(String::as_str).collect();
+        let sensors = builder.sensors.to(&names);
         let width = count.to_string().len();
         let longer = separator.len() + width;
         let size = weight(&content, longer) + bodies.iter().map(|body| weight(body, longer)).sum::<usize>();
         let lost = builder.lost_geoms[self.lost_geoms..].len();
-        let size = size + pairs.len() + excludes.len() + equalities.len() + actuators.len() + lost;
+        let size = size + pairs.len() + excludes.len() + equalities.len() + actuators.len() + sensors.len() + lost;
         if !builder.reserve(element, size.saturating_mul(count)) {
             return;
         }
 
         let suffixes: Vec<String> = (0..count).map(|k| format!("{separator}{k:0width$}")).collect();
-        builder.pairs.replicate(&pairs, &geoms, &suffixes);
-        builder.excludes.replicate(&excludes, &bodies_alone, &suffixes);
-        builder.equalities.replicate(&equalities, &held, &suffixes);
-        builder.actuators.replicate(&actuators, &joints, &suffixes);
+        builder.pairs.replicate(&pairs, &names, &suffixes);
+        builder.excludes.replicate(&excludes, &names, &suffixes);
+        builder.equalities.replicate(&equalities, &names, &suffixes);
+        builder.actuators.replicate(&actuators, &names, &suffixes);
+        builder.sensors.replicate(&sensors, &names, &suffixes);
         // Pairs may name copies of what is left out.
         let lost = builder.lost_geoms[self.lost_geoms..].iter().filter(|name| !name.is_empty()).cloned();
         let lost: Vec<String> = lost.collect();
@@ -144,27 +145,4 @@ fn rename(body: &mut Body, suffix: &str) {
     body.joints.iter_mut().for_each(|joint| extend(&mut joint.name, suffix));
     body.geoms.iter_mut().for_each(|geom| extend(&mut geom.name, suffix));
     body.sites.iter_mut().for_each(|site| extend(&mut site.name, suffix));
-}
-
-/// The names in the content of a replica.
-struct Names<'a> {
-    bodies: HashSet<&'a str>,
-    joints: HashSet<&'a str>,
-    geoms: HashSet<&'a str>,
-    sites: HashSet<&'a str>,
-}
-
-impl<'a> Names<'a> {
-    fn new(bodies: &'a [Body], content: &'a Body) -> Self {
-        let all = || bodies.iter().chain(std::iter::once(content));
-        fn named<'a>(names: impl Iterator<Item = &'a String>) -> HashSet<&'a str> {
-            names.map(String::as_str).filter(|name| !name.is_empty()).collect()
-        }
-        Names {
-            bodies: named(bodies.iter().map(|body| &body.name)),
-            joints: named(all().flat_map(|body| body.joints.iter().map(|joint| &joint.name))),
-            geoms: named(all().flat_map(|body| body.geoms.iter().map(|geom| &geom.name))),
-            sites: named(all().flat_map(|body| body.sites.iter().map(|site| &site.name))),
-        }
-    }
 }

@@ -3,7 +3,7 @@
 use super::tree::Element;
 use crate::diagnostics::Diagnostics;
 pub(super) use crate::diagnostics::{file_problem, quoted};
-use crate::spec::{Pair, Source, Spec};
+use crate::spec::{Source, Spec};
 use crate::suggest;
 use crate::unbuilt::Unbuilt;
 
@@ -79,6 +79,19 @@ impl Report {
         }
     }
 
+    /// Adds the problems of another model.
+    pub fn absorb(&mut self, problems: Diagnostics) {
+        for problem in problems.0 {
+            self.error_at(&problem.source, problem.element, problem.message, problem.remedy);
+        }
+    }
+
+    /// Adds the losses and notes of a model that is attached.
+    pub fn adopt(&mut self, spec: &mut Spec) {
+        spec.losses.drain(..).for_each(|loss| self.losses.push(loss));
+        spec.notes.drain(..).for_each(|note| self.notes.push(note));
+    }
+
     /// A remedy for an unknown word.
     pub fn propose<'a>(&self, word: &str, words: impl Iterator<Item = &'a str> + Clone) -> String {
         self.seek(|| suggest::or_list(word, words))
@@ -147,12 +160,12 @@ impl Report {
     }
 
     /// A pair that refers to a geom that was left out.
-    pub fn lose_pair(&mut self, pair: &Pair, geom: &str) {
+    pub fn lose_with(&mut self, source: &Source, what: &str, left_out: &str) {
         if self.lenient || self.failed() {
-            self.lose_at(&pair.source, "pair", &format!("geom {} was left out, and so is this pair", quoted(geom)));
+            self.lose_at(source, what, &format!("{left_out} was left out, and so is this {what}"));
         } else {
-            let message = format!("geom {} is not supported", quoted(geom));
-            self.error_at(&pair.source, "pair", message, "a lenient load leaves the pair out");
+            let message = format!("{left_out} is not supported");
+            self.error_at(source, what, message, format!("a lenient load leaves the {what} out"));
         }
     }
 

@@ -97,7 +97,7 @@ static MUJOCO: Rule = Rule {
         &opaque("tendon"),
         &EQUALITY,
         &ACTUATORS,
-        &opaque("sensor"),
+        &SENSORS,
         &KEYFRAME,
     ],
     ..PLAIN
@@ -159,7 +159,14 @@ static MESH_ASSET: Rule = Rule {
 
 static ASSET: Rule = section(
     "asset",
-    &[&opaque("texture"), &opaque("material"), &opaque("skin"), &MESH_ASSET, &opaque("hfield"), &opaque("model")],
+    &[
+        &opaque("texture"),
+        &opaque("material"),
+        &opaque("skin"),
+        &MESH_ASSET,
+        &opaque("hfield"),
+        &leaf("model", &["name file content_type"]),
+    ],
 );
 
 static BODY_CHILDREN: [&Rule; 14] = [
@@ -170,7 +177,7 @@ static BODY_CHILDREN: [&Rule; 14] = [
     &leaf("site", &[SITE, ORIENTATIONS, IDENTITY]),
     &leaf("camera", &[CAMERA, ORIENTATIONS, IDENTITY, "target"]),
     &leaf("light", &[LIGHT, IDENTITY, "target texture"]),
-    &opaque("attach"),
+    &leaf("attach", &["model body frame prefix"]),
     &opaque("plugin"),
     &opaque("composite"),
     &opaque("flexcomp"),
@@ -229,6 +236,66 @@ static ACTUATORS: Rule = section(
         &opaque("dcmotor"),
         &opaque("pid"),
         &opaque("orientation"),
+        &opaque("plugin"),
+    ],
+);
+
+/// What every sensor has.
+const SENSOR: &str = "name cutoff noise user nsample interp delay interval";
+const FRAME_SENSOR: &str = "objtype objname reftype refname";
+const DISTANCE: &str = "geom1 geom2 body1 body2";
+
+static SENSORS: Rule = section(
+    "sensor",
+    &[
+        &leaf("touch", &[SENSOR, "site"]),
+        &leaf("accelerometer", &[SENSOR, "site"]),
+        &leaf("velocimeter", &[SENSOR, "site"]),
+        &leaf("gyro", &[SENSOR, "site"]),
+        &leaf("force", &[SENSOR, "site"]),
+        &leaf("torque", &[SENSOR, "site"]),
+        &leaf("magnetometer", &[SENSOR, "site"]),
+        &leaf("camprojection", &[SENSOR, "site camera"]),
+        &leaf("rangefinder", &[SENSOR, "site camera data"]),
+        &leaf("jointpos", &[SENSOR, "joint"]),
+        &leaf("jointvel", &[SENSOR, "joint"]),
+        &leaf("tendonpos", &[SENSOR, "tendon"]),
+        &leaf("tendonvel", &[SENSOR, "tendon"]),
+        &leaf("actuatorpos", &[SENSOR, "actuator"]),
+        &leaf("actuatorvel", &[SENSOR, "actuator"]),
+        &leaf("actuatorfrc", &[SENSOR, "actuator"]),
+        &leaf("jointactuatorfrc", &[SENSOR, "joint"]),
+        &leaf("tendonactuatorfrc", &[SENSOR, "tendon"]),
+        &leaf("ballquat", &[SENSOR, "joint"]),
+        &leaf("ballangvel", &[SENSOR, "joint"]),
+        &leaf("jointlimitpos", &[SENSOR, "joint"]),
+        &leaf("jointlimitvel", &[SENSOR, "joint"]),
+        &leaf("jointlimitfrc", &[SENSOR, "joint"]),
+        &leaf("tendonlimitpos", &[SENSOR, "tendon"]),
+        &leaf("tendonlimitvel", &[SENSOR, "tendon"]),
+        &leaf("tendonlimitfrc", &[SENSOR, "tendon"]),
+        &leaf("framepos", &[SENSOR, FRAME_SENSOR]),
+        &leaf("framequat", &[SENSOR, FRAME_SENSOR]),
+        &leaf("framexaxis", &[SENSOR, FRAME_SENSOR]),
+        &leaf("frameyaxis", &[SENSOR, FRAME_SENSOR]),
+        &leaf("framezaxis", &[SENSOR, FRAME_SENSOR]),
+        &leaf("framelinvel", &[SENSOR, FRAME_SENSOR]),
+        &leaf("frameangvel", &[SENSOR, FRAME_SENSOR]),
+        &leaf("framelinacc", &[SENSOR, "objtype objname"]),
+        &leaf("frameangacc", &[SENSOR, "objtype objname"]),
+        &leaf("subtreecom", &[SENSOR, "body"]),
+        &leaf("subtreelinvel", &[SENSOR, "body"]),
+        &leaf("subtreeangmom", &[SENSOR, "body"]),
+        &leaf("insidesite", &[SENSOR, "site objtype objname"]),
+        &leaf("distance", &[SENSOR, DISTANCE]),
+        &leaf("normal", &[SENSOR, DISTANCE]),
+        &leaf("fromto", &[SENSOR, DISTANCE]),
+        &leaf("contact", &[SENSOR, DISTANCE, "subtree1 subtree2 site num data reduce"]),
+        &leaf("e_potential", &[SENSOR]),
+        &leaf("e_kinetic", &[SENSOR]),
+        &leaf("clock", &[SENSOR]),
+        &leaf("tactile", &[SENSOR, "geom mesh"]),
+        &leaf("user", &[SENSOR, "objtype objname datatype needstage dim"]),
         &opaque("plugin"),
     ],
 );

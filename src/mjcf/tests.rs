@@ -1,6 +1,7 @@
 //! Tests of the front end. Numbers were computed by MuJoCo 4.0.0 from the same text.
 
 mod actuators;
+mod attach;
 mod attributes;
 mod bodies;
 mod left_out;

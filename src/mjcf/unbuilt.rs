@@ -19,11 +19,7 @@ pub(super) fn sections(tree: &Tree, report: &mut Report) {
             report.unsupported(&tree[index], what);
         }
     }
-    for index in tree.section("asset").filter(|&index| tree[index].tag == "model") {
-        report.unsupported(&tree[index], "attached models are");
-    }
     // What nothing depends on by itself: elements that use it say so.
-    note(tree, "sensor", |_| true, "sensors are not built: there is no sensordata", report);
     note(tree, "extension", |_| true, "plugins are not built", report);
     note(tree, "asset", |element| element.tag == "hfield", "height fields are not read", report);
     for (section, what) in [

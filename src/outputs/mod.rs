@@ -134,9 +134,6 @@ impl Output {
         }
         let found = Table::<f64>::ENTRIES.iter().position(|entry| entry.name == name && !entry.of_point());
         found.map(|entry| Output { entry, point: None }).ok_or_else(|| {
-            if name == "sensordata" {
-                return Error::Unknown("sensors are not built, so there is no output sensordata".into());
-            }
             let near = suggest::did_you_mean(name, Table::<f64>::ENTRIES.iter().map(|entry| entry.name));
             let remedy = if near.is_empty() { LISTED } else { &near };
             Error::Unknown(format!("there is no output {name}; {remedy}"))

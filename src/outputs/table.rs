@@ -61,6 +61,7 @@ const NU: Dim = Dim::Of("nu", |sizes| sizes.nu);
 const NBODY: Dim = Dim::Of("nbody", |sizes| sizes.nbody);
 const NGEOM: Dim = Dim::Of("ngeom", |sizes| sizes.ngeom);
 const NSITE: Dim = Dim::Of("nsite", |sizes| sizes.nsite);
+const NSENSORDATA: Dim = Dim::Of("nsensordata", |sizes| sizes.nsensordata);
 const NJNT: Dim = Dim::Of("njnt", |sizes| sizes.njnt);
 const TWO: Dim = Dim::Always(2);
 const THREE: Dim = Dim::Always(3);
@@ -324,6 +325,9 @@ impl<L: LaneQuery> Table<L> {
             Stage::Solver,
             forces::inverse,
         ),
+        Entry::of("sensordata", &[NSENSORDATA], ("measures of sensors", ""), Stage::Sensor, |w, _, out| {
+            w.numbers(&w.workspace.sensors.data, w.tables.sizes.nsensordata, out);
+        }),
         Entry::of("energy", &[TWO], ("potential and kinetic energy", "J"), Stage::Energy, |w, _, out| {
             let energy = &w.workspace.energy;
             out.extend([&energy.potential[0], &energy.kinetic[0]].map(|x| w.number(x)));

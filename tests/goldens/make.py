@@ -7,10 +7,10 @@
 One file per model. Names are MuJoCo's, behind a prefix:
 
     in/     qpos qvel ctrl qfrc_applied xfrc_applied, eq_active if there are any, [N, ...]: the states
-    out/    what mj_forward leaves behind at each state, [N, ...]; contacts and constraint rows are padded with zeros to the
-            largest count, `out/ncon` and `out/nefc` say how many count
+    out/    what mj_forward leaves behind at each state, [N, ...], sensordata if there are sensors; contacts and constraint rows
+            are padded with zeros to the largest count, `out/ncon` and `out/nefc` say how many count
     next/   qpos and qvel after one mj_step (Euler)
-    model/  compiled quantities, once
+    model/  compiled quantities, once; those of sensors if there are any
     size/   nq nv nu nbody ...
 
 The solver runs to 1e-14 in at most 200 iterations without warm start, so constrained results are the minimiser and not a
@@ -40,6 +40,11 @@ MODEL = (
     "actuator_ctrllimited actuator_forcelimited key_time key_qpos key_qvel key_ctrl eq_type eq_obj1id eq_obj2id eq_objtype "
     "eq_active0 eq_solref eq_solimp eq_data"
 ).split()
+SENSORS = (
+    "sensor_type sensor_datatype sensor_needstage sensor_objtype sensor_objid sensor_reftype sensor_refid sensor_dim sensor_adr "
+    "sensor_cutoff sensor_noise"
+).split()
+SENSOR_SIZES = "nsensor nsensordata".split()
 FIELDS = (
     "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length actuator_velocity qfrc_bias "
     "qfrc_passive actuator_force qfrc_actuator qacc_smooth energy qfrc_constraint qacc"
@@ -204,7 +209,7 @@ def steady(model, state):
 
 def results(model, data):
     """Everything recorded about one state, contacts and rows unpadded."""
-    out = {k: np.array(getattr(data, k)) for k in FIELDS}
+    out = {k: np.array(getattr(data, k)) for k in FIELDS + ["sensordata"] * (model.nsensor > 0)}
     out["qM"] = np.zeros((model.nv, model.nv))
     if model.nv:
         mujoco.mj_fullM(model, data, out["qM"])
@@ -244,8 +249,8 @@ def record(path):
         raise SystemExit(f"{path}: not stable under control noise")
     converge(model)
     states = collect(model, rng)
-    arrays = {"size/" + k: np.array(getattr(model, k)) for k in SIZES + ["neq"] * (model.neq > 0)}
-    arrays.update({"model/" + k: np.array(getattr(model, k)) for k in MODEL})
+    arrays = {"size/" + k: np.array(getattr(model, k)) for k in SIZES + ["neq"] * (model.neq > 0) + SENSOR_SIZES * (model.nsensor > 0)}
+    arrays.update({"model/" + k: np.array(getattr(model, k)) for k in MODEL + SENSORS * (model.nsensor > 0)})
     arrays.update({"in/" + k: np.array([s[k] for s in states]) for k in inputs(model)})
     outs, after = [], {"qpos": [], "qvel": []}
     for state in states:

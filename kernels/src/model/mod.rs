@@ -9,12 +9,14 @@
 mod cast;
 mod hull;
 mod pattern;
+mod sensors;
 mod tables;
 mod varied;
 
 pub use cast::{Cast, Representable};
 pub use hull::{Hull, HullFace};
 pub use pattern::{Pattern, Rows};
+pub use sensors::{Bound, Mount, Sensor, SensorKind, Target};
 pub use tables::*;
 pub use varied::{Instance, Quantities, Quantity, Varied};
 
@@ -86,6 +88,12 @@ pub struct Sizes {
     pub ne: usize,
     /// Entries of their Jacobians.
     pub nej: usize,
+    /// Numbers of all sensors.
+    pub nsensordata: usize,
+    /// Links of a model whose sensors measure accelerations, else 0.
+    pub nsensoracc: usize,
+    /// Links of a model whose sensors measure orientations, or torques beside welds, else 0.
+    pub nsensorquat: usize,
 }
 
 /// Most entries for which a list is given room in advance. Models in which thousands of pairs could touch at once, and
@@ -184,6 +192,12 @@ pub struct Model<T> {
     pub friction_losses: Vec<FrictionLoss<T>>,
     /// Actuators.
     pub actuators: Vec<Actuator<T>>,
+    /// Sensors.
+    pub sensors: Vec<Sensor<T>>,
+    /// Frames that they are about.
+    pub mounts: Vec<Mount<T>>,
+    /// Geoms that their rays can meet; none if there are no rays.
+    pub targets: Vec<Target<T>>,
     /// Storage of the inertia matrix and of the solver's Hessian.
     pub rows: Rows,
     /// Sparsity of the inertia matrix: row `i` has the ancestors of dof `i`.
@@ -255,6 +269,9 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             eq_active0: self.eq_active0.cast(),
             friction_losses: self.friction_losses.cast(),
             actuators: self.actuators.cast(),
+            sensors: self.sensors.cast(),
+            mounts: self.mounts.cast(),
+            targets: self.targets.cast(),
             rows: self.rows.clone(),
             tree_pattern: self.tree_pattern.clone(),
             mean_inertia: self.mean_inertia.cast(),

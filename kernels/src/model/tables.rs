@@ -166,6 +166,8 @@ table! {
     pub struct Geom {
         /// MJCF geom.
         pub id: u32,
+        /// MJCF body that it belongs to.
+        pub body: u32,
         /// Shape.
         pub shape: Shape,
         /// Link that carries it, or [`NONE`]: it stands still.
@@ -360,6 +362,8 @@ table! {
         pub kind: EqualityKind,
         /// Links of its two sides, or [`NONE`]: it stands still (connect, weld).
         pub links: [u32; 2],
+        /// MJCF bodies of its two sides (connect, weld).
+        pub bodies: [u32; 2],
         /// Positions of its joints; [`NONE`] for a second that there is not.
         pub qpos: [u32; 2],
         /// Degrees of freedom that move one of its sides against the other, in [`Model::equality_dofs`], ascending.
@@ -438,6 +442,8 @@ table! {
         real:
         /// Centre of mass in the link's frame.
         pub com: [T; 3],
+        /// Orientation of its principal axes in the link's frame, row-major.
+        pub rot: [T; 9],
         /// Mass.
         pub mass: T,
         /// Principal moments of inertia.

@@ -386,6 +386,18 @@ impl<L: Lane> Instance<'_, L> {
         }
     }
 
+    /// Mass of an MJCF body.
+    #[inline(always)]
+    pub fn body_mass(&self, body: usize) -> L {
+        self.entry(Quantity::BodyMass, body).map_or_else(|| L::splat(self.bodies[body].mass), |[x]| x)
+    }
+
+    /// Principal moments of inertia of an MJCF body.
+    #[inline(always)]
+    pub fn body_inertia(&self, body: usize) -> [L; 3] {
+        self.entry(Quantity::BodyInertia, body).unwrap_or_else(|| splat(&self.bodies[body].inertia))
+    }
+
     /// Inertia added to a dof.
     #[inline(always)]
     pub fn armature(&self, dof: usize) -> L {

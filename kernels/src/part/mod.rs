@@ -21,7 +21,7 @@ use crate::options::Integrator;
 use crate::solver::{Arrival, Problem, SolverWork, Trial, contact};
 use crate::stage::Stage;
 use crate::workspace::Workspace;
-use crate::{collision, constraint, energy, integration, smooth, solver};
+use crate::{collision, constraint, energy, integration, sensor, smooth, solver};
 
 /// A part, and which of its kind: options as bits, or the number of a class of pairs or kind of contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -135,6 +135,12 @@ parts! {
         |_, step, _, _| {
             let Workspace { position, inertia, energy, .. } = &mut *step.ws;
             energy::energy(step.model, position, inertia, &step.state.qpos, &step.state.qvel, energy);
+        };
+    /// [`sensor::measure`].
+    Sensor: "sensor", Sensor, WHOLE, 0 => 0, shared [], changes ["sensor"],
+        |_, step, _, _| {
+            let (stages, energy, sensors) = step.ws.sensing();
+            sensor::measure(step.model, step.state, stages, energy, sensors);
         };
     /// [`collision::near_pairs`] of a group: where each of its pairs is near, and the gaps.
     Near: "near", Collision, Family::Group, 0 => 0, shared [], changes ["collision.gaps"],

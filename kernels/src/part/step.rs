@@ -8,7 +8,9 @@ use crate::solver::{Dual, Problem, SolverWork};
 use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
-use crate::{acceleration, actuation, derivative, energy, inertia, integration, passive, position, solver, velocity};
+use crate::{
+    acceleration, actuation, derivative, energy, inertia, integration, passive, position, sensor, solver, velocity,
+};
 
 /// A step of a block: the model as its worlds have it, what comes from outside, and the workspace.
 pub struct Step<'a, L: Lane> {
@@ -72,7 +74,18 @@ impl<L: Lane> Step<'_, L> {
     #[inline(always)]
     pub fn lend<'b>(&'b mut self, set: Threes, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
-        let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
+        let Workspace {
+            position,
+            inertia,
+            velocity,
+            passive,
+            actuation,
+            acceleration,
+            energy,
+            sensors,
+            integration,
+            ..
+        } = ws;
         let Workspace { derivative, collision, constraint, solver, .. } = ws;
         let Collision { colliders, found, parallel, .. } = collision;
         let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, equality, .. } = constraint;
@@ -110,7 +123,7 @@ impl<L: Lane> Step<'_, L> {
             Quantity::SHARED.into_iter().for_each(|quantity| lender.put(quantity.name(), varied(quantity)));
         }
         stages!(Position: position; Inertia: inertia; Velocity: velocity; Passive: passive; Actuation: actuation;
-            Acceleration: acceleration; Derivative: derivative; Energy: energy; Integration: integration; Colliders: colliders;);
+            Acceleration: acceleration; Derivative: derivative; Energy: energy; Sensor: sensors; Integration: integration; Colliders: colliders;);
         group!(Found, "found": found.as_flattened_mut(), "parallel": parallel);
         group!(Constraint,
             "dof_lanes": dof_lanes.as_flattened_mut(),
@@ -234,6 +247,8 @@ groups! {
     Derivative: "derivative", derivative::Derivative::<f64>::COUNT;
     /// Energy.
     Energy: "energy", energy::Energy::<f64>::COUNT;
+    /// Sensors.
+    Sensor: "sensor", sensor::Sensors::<f64>::COUNT;
     /// The next state.
     Integration: "integration", integration::Integration::<f64>::COUNT;
     /// Geoms.

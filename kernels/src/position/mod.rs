@@ -3,6 +3,8 @@
 //! A tree's links are placed relative to the tree's origin, the position of its first link's frame (see [`crate::model`]).
 //! Spatial vectors of a tree are in world axes at that origin. Joints act in order; a rotation keeps its anchor in place.
 
+pub(crate) mod orientation;
+
 use crate::fields::fields;
 use crate::lane::{Lane, sin_cos};
 use crate::math::quat;

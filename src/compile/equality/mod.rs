@@ -92,6 +92,7 @@ impl Equalities {
             id: id as u32,
             kind: objects.kind,
             links: [NONE; 2],
+            bodies: [0; 2],
             qpos: [NONE; 2],
             dofs: Span::default(),
             cross: false,
@@ -124,6 +125,10 @@ impl Equalities {
         } else {
             let Sides { links: sides, poses } = sides(objects, scene, links);
             entry.links = sides;
+            entry.bodies = objects.ids.map(|id| {
+                let id = id as usize;
+                if objects.objtype == SITE { scene.sites[id].body as u32 } else { id as u32 }
+            });
             entry.pos = poses.map(|pose| pose.pos.to_array());
             entry.quat = poses.map(|pose| pose.wxyz());
             entry.torquescale = objects.data[10];

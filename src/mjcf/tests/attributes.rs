@@ -1,7 +1,7 @@
 //! No attribute that the schema accepts is silently ignored: each changes the spec, is reported, or is listed here with
 //! the reason why not.
 
-use crate::mjcf::{LoadOptions, parse, schema};
+use crate::mjcf::{LoadOptions, parse_with_files, schema};
 
 const LOOKS: &str = "only for viewers";
 const FILES: &str = "only for files that are not there in this test";
@@ -12,6 +12,7 @@ const STATELESS: &str = "acts on an activation only, which is not built";
 const MUSCLES: &str = "only muscles need ranges of lengths";
 const MESHES: &str =
     "only for shapes of meshes, of which there is none in this test, and height fields, which are not built";
+const DELAYS: &str = "only for delays, which are not built";
 const SPEED: &str = "only steers speed";
 
 /// Element (`*`: any, `default`: all in defaults), attributes, and why they have no effect.
@@ -39,7 +40,15 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("body", "simple", SPEED),
     ("custom numeric text tuple element", "*", USER),
     ("*", "lengthrange", MUSCLES),
-    ("*", "interp nsample", "only for delays, which are not built"),
+    ("*", "interp", DELAYS),
+    ("general motor position velocity intvelocity damper cylinder muscle", "nsample", DELAYS),
+    ("model", "name", "a name, which acts through the elements that give it"),
+    (
+        "camprojection tendonpos tendonvel tendonactuatorfrc tendonlimitpos tendonlimitvel tendonlimitfrc distance normal fromto \
+         contact tactile",
+        "*",
+        "the element is reported as not supported",
+    ),
     ("general", "dynprm actearly", STATELESS),
     ("damper", "ctrllimited", "the control of a damper is always limited"),
     ("default", "cranklength", "only for slider-cranks, which are reported where they are used"),
@@ -68,6 +77,18 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
     let (element, default) = (path[path.len() - 1], path.contains(&"default"));
     match element {
         "joint" if path.contains(&"equality") => &[("joint1", "j")],
+        "user" => &[("dim", "1")],
+        "e_potential" | "e_kinetic" | "clock" | "contact" | "distance" | "normal" | "fromto" => &[],
+        "tendonpos" | "tendonvel" | "tendonactuatorfrc" | "tendonlimitpos" | "tendonlimitvel" | "tendonlimitfrc" => &[],
+        "tactile" => &[],
+        "insidesite" => &[("site", "s"), ("objtype", "geom"), ("objname", "g")],
+        tag if path.contains(&"sensor") && tag.starts_with("frame") => &[("objtype", "site"), ("objname", "s")],
+        tag if path.contains(&"sensor") && tag.starts_with("actuator") => &[("actuator", "m")],
+        tag if path.contains(&"sensor") && tag.starts_with("subtree") => &[("body", "a")],
+        tag if path.contains(&"sensor") && (tag.starts_with("joint") || tag.starts_with("ball")) => &[("joint", "j")],
+        _ if path.contains(&"sensor") && path.len() > 1 => &[("site", "s")],
+        "model" => &[("file", "child")],
+        "attach" => &[("model", "m"), ("body", "b"), ("prefix", "p")],
         "connect" => &[("body1", "a"), ("anchor", "0 0 1")],
         "weld" => &[("body1", "a")],
         "default" => &[("class", "main")],
@@ -129,7 +150,7 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
     }
     let root = if element == "mujoco" { attributes } else { String::new() };
     format!(
-        "<mujoco{root}><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/>\
+        "<mujoco{root}><asset><model name='m' file='child'/></asset><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/>\
          <general gear='5'/></default></default>{text}<worldbody><geom name='h' size='1'/><body name='a'>\
          <joint name='j' range='-30 60'/><joint name='k' type='slide'/><geom name='g' size='.1' euler='10 20 30'/><site name='s'/></body></worldbody>\
          <contact><pair geom1='g' geom2='h'/></contact><equality><joint joint1='k'/></equality>\
@@ -140,7 +161,9 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
 /// What a load says and makes, without places.
 fn outcome(text: &str) -> Result<String, String> {
     let options = LoadOptions { lenient: true, ..LoadOptions::default() };
-    let mut spec = parse(text, &options).map_err(|problems| problems.to_string())?;
+    let child = b"<mujoco model='n'><worldbody><frame name='f'><body name='b'><geom size='.1'/></body><body name='a'><geom size='.2'/></body></frame></worldbody></mujoco>";
+    let files = [("child".to_string(), child.to_vec())].into();
+    let mut spec = parse_with_files(text, &files, &options).map_err(|problems| problems.to_string())?;
     spec.written.clear();
     Ok(format!("{spec:?}"))
 }
@@ -187,13 +210,25 @@ const VALUES: &[&str] = &[
     "ellipsoid",
     "vel pos",
     "pos",
+    "vel",
+    "axis",
+    "body",
 ];
 
 /// Whether an error says that the attribute means something here, not only that its form is wrong.
 fn speaks(error: &str) -> bool {
-    ["does not go with", "fromto needs", "not supported", "is given", "has no activation", "given"]
-        .iter()
-        .any(|word| error.contains(word))
+    [
+        "does not go with",
+        "fromto needs",
+        "not supported",
+        "is given",
+        "has no activation",
+        "given",
+        "is missing",
+        "no asset is",
+    ]
+    .iter()
+    .any(|word| error.contains(word))
 }
 
 #[test]

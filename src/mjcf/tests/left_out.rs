@@ -80,12 +80,22 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
 }
 
 #[test]
-fn sensors_are_notes() {
-    let spec = ok(&with_joint("<sensor><jointpos joint='j'/><clock/></sensor>"));
-    assert_eq!(spec.notes, ["line 1: 2 sensors are not built: there is no sensordata"]);
-    assert!(spec.losses.is_empty());
-    let error = crate::outputs::Output::named("sensordata").expect_err("not built").to_string();
-    assert_eq!(error, "sensors are not built, so there is no output sensordata");
+fn sensors_go_with_what_they_are_about() {
+    let text = with_joint(
+        "<actuator><motor name='a' tendon='t'/></actuator>\
+         <sensor><actuatorfrc actuator='a'/><camprojection site='s' camera='c'/><clock/></sensor>",
+    );
+    let spec = lenient(&text);
+    assert_eq!(spec.sensors.len(), 1);
+    assert_eq!(
+        spec.losses[1..],
+        [
+            "line 1: camprojection: sensors of kind camprojection are not supported, left out",
+            "line 1: actuatorfrc: actuator \"a\" was left out, and so is this actuatorfrc",
+        ]
+    );
+    let text = with_joint("<sensor><camprojection site='s' camera='c'/></sensor>");
+    rejects(&text, "1: camprojection: sensors of kind camprojection are not supported (a lenient load leaves it out)");
 }
 
 /// A height field on a body, with what stands before it.

@@ -165,9 +165,6 @@ fn losses() {
     );
     assert_eq!((spec.actuators.len(), spec.pairs.len()), (1, 0));
     assert_eq!(spec.keys[0].ctrl, Some(vec![2.0]));
-    assert_eq!(
-        spec.notes,
-        ["line 1: 1 sensors are not built: there is no sensordata", "1 cameras and 1 lights have no effect",]
-    );
+    assert_eq!(spec.notes, ["1 cameras and 1 lights have no effect"]);
     rejects(&text, "1: fixed \"t\": tendons are not supported (a lenient load leaves it out)");
 }

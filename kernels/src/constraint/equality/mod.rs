@@ -4,14 +4,14 @@
 //! wherever the acceleration is. In worlds where an equality constraint is not active, D = 0.
 
 mod joint;
-mod orientation;
 mod sides;
 
 use super::Motion;
 use super::dof_rows::regulariser;
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::zero;
-use crate::model::{Equality, EqualityDof, EqualityKind, Instance, Model};
+use crate::model::{Equality, EqualityDof, EqualityKind, Instance, Model, NONE};
+use crate::position::orientation;
 
 /// Equality constraints of a block. Lists of numbers have room for all that the model has, each at its place.
 #[derive(Clone, Debug)]
@@ -40,7 +40,7 @@ impl<L: Lane> Equalities<L> {
     /// Room for those of the model.
     pub(super) fn new(model: &Model<L::Real>) -> Self {
         let (rows, zero) = (vec![L::zero(); model.sizes.ne], L::zero());
-        let turning = orientation::turning(model);
+        let turning = turning(model);
         Equalities {
             lanes: 0,
             cross: 0,
@@ -56,7 +56,7 @@ impl<L: Lane> Equalities<L> {
 
     /// Bytes of that.
     pub(super) fn bytes(model: &Model<L::Real>) -> usize {
-        let quats = if orientation::turning(model).is_empty() { 0 } else { model.links.len() };
+        let quats = if turning(model).is_empty() { 0 } else { model.links.len() };
         (model.sizes.nej + 3 * model.sizes.ne + 4 * quats) * size_of::<L>()
     }
 
@@ -96,7 +96,7 @@ pub fn equality_rows<L: Lane>(
     alive: L::Mask,
     out: &mut Equalities<L>,
 ) -> [L::Mask; 2] {
-    orientation::quaternions(&model, qpos, &out.turning, &mut out.quats);
+    orientation::quaternions(&model, qpos, out.turning.iter().copied(), &mut out.quats);
     out.swamping = L::zero();
     let [mut some, mut cross] = [L::Mask::splat(false); 2];
     for (e, equality) in model.equalities.iter().enumerate() {
@@ -112,6 +112,22 @@ pub fn equality_rows<L: Lane>(
         write(model, e, &held, motion, acts, out);
     }
     [some, cross]
+}
+
+/// The links that welds hold, with all that carry them, parents first.
+fn turning<T>(model: &Model<T>) -> Vec<u32> {
+    let mut links = Vec::new();
+    for weld in model.equalities.iter().filter(|equality| equality.kind == EqualityKind::Weld) {
+        for mut link in weld.links {
+            while link != NONE {
+                links.push(link);
+                link = model.links[link as usize].parent;
+            }
+        }
+    }
+    links.sort_unstable();
+    links.dedup();
+    links
 }
 
 /// What an equality constraint holds, and the rates that its Jacobian is made of.

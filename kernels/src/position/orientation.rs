@@ -1,31 +1,20 @@
-//! Orientations of links as quaternions, composed from joint to joint as MuJoCo does: of the two that are one rotation, the
-//! sign of a weld's rows tells which.
+//! Orientations of links as quaternions, composed from joint to joint as MuJoCo does: which of the two that are one rotation, the
+//! signs of a weld's rows and of sensors tell.
 
 use crate::lane::{Lane, sin_cos};
 use crate::math::quat::{self, Quat};
 use crate::math::vec3::splat;
-use crate::model::{EqualityKind, JointKind, Model, NONE};
+use crate::model::{JointKind, Model, NONE};
 
-/// The links that welds hold, with all that carry them, parents first.
-pub(super) fn turning<T>(model: &Model<T>) -> Vec<u32> {
-    let mut links = Vec::new();
-    for weld in model.equalities.iter().filter(|equality| equality.kind == EqualityKind::Weld) {
-        for mut link in weld.links {
-            while link != NONE {
-                links.push(link);
-                link = model.links[link as usize].parent;
-            }
-        }
-    }
-    links.sort_unstable();
-    links.dedup();
-    links
-}
-
-/// Orientations of the given links, at their places.
-pub(super) fn quaternions<L: Lane>(model: &Model<L::Real>, qpos: &[L], links: &[u32], out: &mut [Quat<L>]) {
+/// Orientations of the given links, parents first, at their places.
+pub(crate) fn quaternions<L: Lane>(
+    model: &Model<L::Real>,
+    qpos: &[L],
+    links: impl Iterator<Item = u32>,
+    out: &mut [Quat<L>],
+) {
     for l in links {
-        let link = &model.links[*l as usize];
+        let link = &model.links[l as usize];
         let placed = splat(&link.quat);
         let mut turn = if link.parent == NONE { placed } else { quat::mul(&out[link.parent as usize], &placed) };
         for joint in &model.joints[link.joints.range()] {
@@ -41,6 +30,6 @@ pub(super) fn quaternions<L: Lane>(model: &Model<L::Real>, qpos: &[L], links: &[
                 JointKind::Slide => {}
             }
         }
-        out[*l as usize] = turn;
+        out[l as usize] = turn;
     }
 }

@@ -1,0 +1,117 @@
+//! Sensors.
+
+pub use lanesim_kernels::model::SensorKind;
+
+use super::Source;
+
+/// The kind of an element that a sensor is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ObjectKind {
+    /// A body's inertial frame.
+    Body,
+    /// A body's own frame.
+    XBody,
+    /// A joint.
+    Joint,
+    /// A geom.
+    Geom,
+    /// A site.
+    Site,
+    /// An actuator.
+    Actuator,
+}
+
+/// An element that a sensor is about.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Object {
+    /// What it is.
+    pub kind: ObjectKind,
+    /// Its name.
+    pub name: String,
+}
+
+/// When the numbers of a user's sensor can be computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NeedStage {
+    /// From positions.
+    Pos,
+    /// From velocities.
+    Vel,
+    /// From accelerations.
+    #[default]
+    Acc,
+}
+
+/// What the numbers of a user's sensor are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DataType {
+    /// Any numbers.
+    #[default]
+    Real,
+    /// Numbers that are not negative.
+    Positive,
+    /// A unit vector.
+    Axis,
+    /// A unit quaternion.
+    Quaternion,
+}
+
+/// A sensor (MJCF `sensor`).
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    /// Name, or empty.
+    pub name: String,
+    /// What it measures.
+    pub kind: SensorKind,
+    /// The element that it is about; none for energies, the clock and user sensors that name none.
+    pub object: Option<Object>,
+    /// The element in whose frame it is seen; for [`SensorKind::InsideSite`], the site.
+    pub reference: Option<Object>,
+    /// Bound of its numbers; 0: none.
+    pub cutoff: f64,
+    /// Standard deviation of its noise, for whoever adds noise.
+    pub noise: f64,
+    /// Number of numbers, what they are, and when they can be computed; only of [`SensorKind::User`].
+    pub user: (usize, DataType, NeedStage),
+    /// Where it was written.
+    pub source: Source,
+}
+
+impl Default for Sensor {
+    fn default() -> Self {
+        Sensor {
+            name: String::new(),
+            kind: SensorKind::Clock,
+            object: None,
+            reference: None,
+            cutoff: 0.0,
+            noise: 0.0,
+            user: Default::default(),
+            source: Source::default(),
+        }
+    }
+}
+
+impl Sensor {
+    /// Number of numbers, what they are, and the stage by which they are known.
+    pub fn shape(&self) -> (usize, DataType, NeedStage) {
+        use DataType::{Axis, Positive, Quaternion, Real};
+        use NeedStage::{Acc, Pos, Vel};
+        use SensorKind as Kind;
+        match self.kind {
+            Kind::Touch => (1, Positive, Acc),
+            Kind::Accelerometer | Kind::Force | Kind::Torque | Kind::FrameLinAcc | Kind::FrameAngAcc => (3, Real, Acc),
+            Kind::Velocimeter | Kind::Gyro | Kind::FrameLinVel | Kind::FrameAngVel | Kind::BallAngVel => (3, Real, Vel),
+            Kind::SubtreeLinVel | Kind::SubtreeAngMom => (3, Real, Vel),
+            Kind::Magnetometer | Kind::FramePos | Kind::SubtreeCom => (3, Real, Pos),
+            Kind::FrameQuat | Kind::BallQuat => (4, Quaternion, Pos),
+            Kind::FrameXAxis | Kind::FrameYAxis | Kind::FrameZAxis => (3, Axis, Pos),
+            Kind::InsideSite => (1, Positive, Pos),
+            Kind::JointVel | Kind::ActuatorVel | Kind::JointLimitVel => (1, Real, Vel),
+            Kind::ActuatorFrc | Kind::JointActuatorFrc | Kind::JointLimitFrc => (1, Real, Acc),
+            Kind::Rangefinder | Kind::JointPos | Kind::ActuatorPos | Kind::JointLimitPos => (1, Real, Pos),
+            Kind::EPotential | Kind::EKinetic | Kind::Clock => (1, Real, Pos),
+            Kind::User => self.user,
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Sensors against MuJoCo's, one by one; that nobody else pays for them; and errors of sensors that cannot be.
+
+mod support;
+
+use lanesim::mjcf::LoadOptions;
+use lanesim::{Backend, Model, Options, Precision, Rollout, Worlds};
+use support::golden::{Failures, Golden};
+use support::{agree, load, options, parse};
+
+/// Every sensor of every model that has some, in its recorded states, judged by its own largest number.
+fn measures(precision: Precision, tolerance: f64, floor: f64) {
+    let mut failures = Failures::default();
+    let mut seen = 0;
+    for golden in Golden::all().into_iter().filter(|golden| golden.model.names().sensors.len() > 0) {
+        seen += 1;
+        let ours = golden.eval(&["sensordata"], 0, &options(precision, Backend::Auto));
+        let expected = golden.rows(&golden.array("out/sensordata"));
+        for (state, (got, expected)) in ours["sensordata"].iter().zip(&expected).enumerate() {
+            for (i, sensor) in golden.model.tables().sensors.iter().enumerate() {
+                let place = || format!("{} state {state} sensor {i} {:?}", golden.name, sensor.kind);
+                let range = sensor.data.range();
+                failures.check(place, agree(&got[range.clone()], &expected[range], tolerance, floor));
+            }
+        }
+    }
+    assert!(seen > 0, "no model has sensors");
+    failures.report();
+}
+
+#[test]
+fn measures_are_mujocos_f64() {
+    measures(Precision::F64, 1e-9, 1.0);
+}
+
+#[test]
+fn measures_are_mujocos_f32() {
+    measures(Precision::F32, 3e-3, 1.0);
+}
+
+/// A recorded measure is that of the state from which a step starts, whichever other outputs are asked for, and the run leaves the same
+/// bits as one without sensors.
+#[test]
+fn rollouts_record_measures_and_leave_the_same_states() {
+    let model = load("unit/sensors");
+    let run = |names: &[&str]| {
+        let mut worlds = Worlds::new(&model, 3, &Options::default()).expect("worlds");
+        let outputs: Vec<_> = names.iter().map(|name| model.output(name).expect("output")).collect();
+        let rollout = Rollout { nstep: 20, outputs: &outputs, ..Rollout::default() };
+        worlds.rollout(&rollout).expect("rollout").outputs
+    };
+    let both = run(&["qpos", "sensordata"]);
+    assert_eq!(both[0], run(&["qpos"])[0]);
+    assert_eq!(both[1], run(&["sensordata"])[0]);
+    // The clock is the last but the user's: 0 at the state from which the first step starts.
+    let n = model.tables().sizes.nsensordata;
+    assert_eq!((both[1][n - 3], both[1][2 * n - 3]), (0.0, model.tables().options.timestep));
+}
+
+#[test]
+fn sensors_switched_off_are_zeros() {
+    let model = support::load_with("unit/sensors", &[("sensor", "disable")]);
+    let mut worlds = Worlds::new(&model, 1, &Options::default()).expect("worlds");
+    let outputs = [model.output("sensordata").expect("output")];
+    let found =
+        worlds.rollout(&Rollout { nstep: 1, outputs: &outputs, ..Rollout::default() }).expect("rollout").outputs;
+    assert!(found[0].iter().all(|x| *x == 0.0));
+}
+
+#[test]
+fn sensors_that_cannot_be_are_refused() {
+    let refused = |sensor: &str| {
+        let xml = format!(
+            "<mujoco><worldbody><body name='arm'><joint name='hinge' range='0 1'/><joint name='free hinge'/>\
+             <geom name='ball' size='.1'/><site name='tip'/><body name='hand'><joint name='ball' type='ball'/>\
+             <geom size='.1' pos='1 0 0'/></body></body></worldbody>\n<sensor>{sensor}</sensor></mujoco>"
+        );
+        match Model::from_xml_string(&xml, &LoadOptions::default()) {
+            Ok(_) => panic!("{sensor} was accepted"),
+            Err(error) => error.to_string(),
+        }
+    };
+    let cases = [
+        ("<touch/>", "2: touch: attribute \"site\" is missing"),
+        ("<touch site='tap'/>", "2: touch #0: unknown site \"tap\" (did you mean \"tip\"?)"),
+        ("<gyro name='g' site='tip' cutoff='-1'/>", "gyro \"g\": cutoff is negative: -1"),
+        ("<gyro site='tip' noise='-1'/>", "noise is negative: -1"),
+        ("<framequat objtype='site' objname='tip' cutoff='1'/>", "an axis or quaternion cannot be cut off"),
+        ("<framepos objtype='site'/>", "attribute \"objname\" is missing"),
+        ("<framepos objtype='site' objname='tip' reftype='body'/>", "attribute \"refname\" is missing"),
+        ("<framepos objtype='joint' objname='hinge'/>", "attribute \"objtype\""),
+        ("<jointpos joint='ball'/>", "joint \"ball\" is neither a slide nor a hinge"),
+        ("<ballquat joint='hinge'/>", "joint \"hinge\" is not a ball"),
+        ("<jointlimitpos joint='free hinge'/>", "joint \"free hinge\" has no limits"),
+        ("<user dim='2' datatype='axis'/>", "dim is 2 (this datatype has dim 3)"),
+        ("<user dim='-1'/>", "-1 is negative"),
+        (
+            "<gyro site='tip' nsample='3' delay='.1'/>",
+            "histories of sensors (nsample, delay, interval) are not supported",
+        ),
+        ("<framepos objtype='camera' objname='eye'/>", "sensors of cameras are not supported"),
+        ("<rangefinder site='tip' data='dist dir'/>", "rangefinders that return more than distances are not supported"),
+        ("<tactile geom='ball' mesh='m'/>", "sensors of kind tactile are not supported"),
+        ("<gyro site='tip' objtype='site'/>", "unknown attribute \"objtype\""),
+        ("<clock name='a'/><clock name='a'/>", "repeated name"),
+    ];
+    for (sensor, message) in cases {
+        let error = refused(sensor);
+        assert!(error.contains(message), "{sensor}: {error}");
+    }
+}
+
+/// A force sensor on a body that rests on nothing but its parent carries its weight: 2 kg, and 3 kg that it carries.
+#[test]
+fn a_force_sensor_carries_the_weight_above_it() {
+    let model = parse(
+        "<mujoco><worldbody><body name='low'><geom size='.1' mass='2'/><site name='low' pos='0 0 -.1'/>\
+         <body pos='.5 0 0'><geom size='.1' mass='3'/></body></body></worldbody>\
+         <sensor><force site='low'/><torque site='low'/></sensor></mujoco>",
+    );
+    let mut worlds = Worlds::new(&model, 1, &Options::default()).expect("worlds");
+    let outputs = [model.output("sensordata").expect("output")];
+    let found =
+        worlds.rollout(&Rollout { nstep: 1, outputs: &outputs, ..Rollout::default() }).expect("rollout").outputs;
+    let expected = [0.0, 0.0, 5.0 * 9.81, 0.0, -3.0 * 9.81 * 0.5, 0.0];
+    assert!(found[0].iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{:?}", found[0]);
+}
