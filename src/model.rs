@@ -125,6 +125,8 @@ pub struct ElementNames {
     pub geoms: Names,
     /// Sites.
     pub sites: Names,
+    /// Tendons.
+    pub tendons: Names,
     /// Equality constraints.
     pub equalities: Names,
     /// Actuators.

@@ -7,6 +7,7 @@
 
 mod equality;
 mod mesh;
+mod tendon;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,6 +15,7 @@ use std::sync::Arc;
 pub use equality::{Equality, Held};
 pub use lanesim_kernels::options::Options;
 pub use mesh::{Mesh, MeshInertia, Triangles};
+pub use tendon::{Path, Tendon, Waypoint};
 
 /// Where an element was written, for diagnostics. Elements built from code have the default: no file, line 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -73,6 +75,8 @@ pub struct Spec {
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms do not collide.
     pub excludes: Vec<Exclude>,
+    /// Tendons.
+    pub tendons: Vec<Tendon>,
     /// Equality constraints.
     pub equalities: Vec<Equality>,
     /// Actuators.

@@ -83,13 +83,14 @@ fn same_sign(got: &[f64], expected: &[f64]) -> Vec<f64> {
 
 fn kinematics(options: &Options, tolerances: &Tolerances) {
     let t = tolerances.kinematics;
-    let fields = "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length";
+    let fields =
+        "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof ten_length ten_J actuator_length";
     check_fields(options, &fields.split(' ').map(|name| (name, t, 1.0)).collect::<Vec<_>>());
 }
 
 fn dynamics(options: &Options, tolerances: &Tolerances) {
     let t = tolerances.dynamics;
-    let forces = "qfrc_bias qfrc_passive actuator_force qfrc_actuator energy actuator_velocity";
+    let forces = "ten_velocity qfrc_bias qfrc_passive actuator_force qfrc_actuator energy actuator_velocity";
     let mut fields: Vec<_> = forces.split(' ').map(|name| (name, t, 1.0)).collect();
     fields.push(("qM", t, 1e-3));
     fields.push(("qacc_smooth", tolerances.qacc_smooth, 1.0));
@@ -344,7 +345,7 @@ fn inertia_tensors(moments: &[f64], quaternions: &[f64]) -> Vec<f64> {
 fn model_arrays() {
     let tolerance = |name: &str| match name {
         // Entries of inverses of inertia matrices.
-        "body_invweight0" | "dof_invweight0" | "actuator_acc0" => 1e-9,
+        "body_invweight0" | "dof_invweight0" | "tendon_invweight0" | "actuator_acc0" => 1e-9,
         // MuJoCo stops diagonalising when the largest angle left is below 1e-12.
         "body_inertia" | "body_iquat" => 1e-11,
         _ => 1e-12,
@@ -403,7 +404,7 @@ fn every_golden_has_a_model() {
 /// What the goldens must exercise: a model, and the least number of contacts and rows that some state of it has.
 #[test]
 fn goldens_hold_what_models_are_for() {
-    const LEAST: [(&str, usize, usize); 45] = [
+    const LEAST: [(&str, usize, usize); 49] = [
         ("zoo/ant", 4, 20),
         ("zoo/hopper", 2, 8),
         ("zoo/cheetah", 2, 8),
@@ -447,6 +448,10 @@ fn goldens_hold_what_models_are_for() {
         ("unit/sphere_capsule", 1, 4),
         ("unit/sphere_cylinder", 4, 16),
         ("unit/sphere_sphere", 1, 4),
+        ("unit/tendon_armature", 0, 1),
+        ("unit/tendon_fixed", 0, 8),
+        ("unit/tendon_spatial", 0, 7),
+        ("unit/tendon_wrap", 0, 2),
         ("unit/tree_origins", 5, 20),
         ("unit/warmstart_off", 1, 5),
     ];

@@ -24,8 +24,8 @@ const BACKENDS: [Backend; 3] = [Backend::Native, Backend::Wide, Backend::Scalar]
 fn steps(integrator: &str, precision: Precision, tolerance: f64) {
     let mut failures = Failures::default();
     for name in all_models() {
-        // Refused: see `a_medium_is_refused_under_discrete`.
-        if integrator == "discrete" && name == "unit/fluid" {
+        // Refused: see `a_medium_is_refused_under_discrete`, `tendons_between_branches_are_refused_under_discrete`.
+        if integrator == "discrete" && (name == "unit/fluid" || name.starts_with("unit/tendon_")) {
             continue;
         }
         let long = name == "zoo/chain31" && precision == Precision::F32 && integrator != "RK4";
@@ -361,6 +361,16 @@ fn discrete_steps_end_where_springs_and_dampers_are_taken() {
             assert!(worlds.get(Field::Qpos, 0).expect("a state")[0].abs() < 0.31);
         }
     }
+}
+
+#[test]
+fn tendons_between_branches_are_refused_under_discrete() {
+    let overrides = vec![("integrator".to_string(), "discrete".to_string())];
+    let options = lanesim::mjcf::LoadOptions { overrides, lenient: false };
+    let path = support::repository("models/unit/tendon_fixed.xml");
+    let problem = lanesim::Model::from_xml_path(&path, &options).expect_err("not built").to_string();
+    let expected = "tendon \"branches\": a spring or damper along a tendon between branches is not supported under integrator discrete";
+    assert!(problem.contains(expected), "{problem}");
 }
 
 #[test]

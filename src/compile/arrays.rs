@@ -22,6 +22,7 @@ pub(crate) struct Sources<'a> {
     pub tables: &'a lanesim_kernels::model::Model<f64>,
     pub derived: &'a Derived,
     pub actuators: &'a Actuators,
+    pub tendons: &'a super::tendons::Tendons,
     pub held: &'a [super::equality::Objects],
     pub geom_names: &'a Names,
     pub keys: &'a [Key],
@@ -58,6 +59,7 @@ pub(crate) fn arrays(s: &Sources) -> BTreeMap<&'static str, Array> {
     geoms(s, &mut out);
     sites(s, &mut out);
     contacts(s, &mut out);
+    tendons(s, &mut out);
     equalities(s, &mut out);
     actuators(s, &mut out);
     keys(s, &mut out);
@@ -244,12 +246,43 @@ fn contacts(s: &Sources, out: &mut Arrays) {
     out.ints("exclude_signature", 0, excludes.into_iter());
 }
 
+fn tendons(s: &Sources, out: &mut Arrays) {
+    let (written, table, own) = (&s.spec.tendons, &s.tables.tendons, s.tendons);
+    let starts = own.counts.iter().scan(0, |next, count| Some(std::mem::replace(next, *next + count)));
+    out.ints("tendon_adr", 0, starts.map(|start: usize| start as i32));
+    out.ints("tendon_num", 0, own.counts.iter().map(|count| *count as i32));
+    out.ints("tendon_group", 0, written.iter().map(|t| t.group));
+    out.ints("tendon_limited", 0, written.iter().map(|t| i32::from(is_limited(t.range, t.limited))));
+    let bounded = |t: &crate::spec::Tendon| is_limited(t.actuatorfrcrange, t.actuatorfrclimited);
+    out.ints("tendon_actfrclimited", 0, written.iter().map(|t| i32::from(bounded(t))));
+    out.reals("tendon_range", 2, written.iter().flat_map(|t| t.range.unwrap_or_default()));
+    out.reals("tendon_actfrcrange", 2, written.iter().flat_map(|t| t.actuatorfrcrange.unwrap_or_default()));
+    out.reals("tendon_margin", 0, written.iter().map(|t| t.margin));
+    out.reals("tendon_solref_lim", 2, written.iter().flat_map(|t| t.solreflimit));
+    out.reals("tendon_solimp_lim", 5, written.iter().flat_map(|t| t.solimplimit));
+    out.reals("tendon_solref_fri", 2, written.iter().flat_map(|t| t.solreffriction));
+    out.reals("tendon_solimp_fri", 5, written.iter().flat_map(|t| t.solimpfriction));
+    out.reals("tendon_stiffness", 0, written.iter().map(|t| t.stiffness[0]));
+    out.reals("tendon_stiffnesspoly", 2, written.iter().flat_map(|t| [t.stiffness[1], t.stiffness[2]]));
+    out.reals("tendon_damping", 0, written.iter().map(|t| t.damping[0]));
+    out.reals("tendon_dampingpoly", 2, written.iter().flat_map(|t| [t.damping[1], t.damping[2]]));
+    out.reals("tendon_armature", 0, written.iter().map(|t| t.armature));
+    out.reals("tendon_frictionloss", 0, written.iter().map(|t| t.frictionloss));
+    out.reals("tendon_lengthspring", 2, table.iter().flat_map(|t| t.rest));
+    out.reals("tendon_length0", 0, own.length0.iter().copied());
+    out.reals("tendon_invweight0", 0, own.invweight0.iter().copied());
+    out.ints("wrap_type", 0, own.points.iter().map(|point| point.0));
+    out.ints("wrap_objid", 0, own.points.iter().map(|point| point.1));
+    out.reals("wrap_prm", 0, own.points.iter().map(|point| point.2));
+}
+
 fn equalities(s: &Sources, out: &mut Arrays) {
-    use lanesim_kernels::model::EqualityKind::{Connect, Joint, Weld};
+    use lanesim_kernels::model::EqualityKind::{Connect, Joint, Tendon, Weld};
     let kind = |kind| match kind {
         Connect => 0,
         Weld => 1,
         Joint => 2,
+        Tendon => 3,
     };
     let written = &s.spec.equalities;
     out.ints("eq_type", 0, s.held.iter().map(|held| kind(held.kind)));

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use super::equality;
 use super::names::{self, label};
+use super::tendons;
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{
     Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Pair, Shape, Source, Spec, Transmission, Tri,
@@ -48,7 +49,7 @@ impl<'a> Element<'a> {
         ok
     }
 
-    fn not_negative(&mut self, attribute: &str, values: &[f64]) {
+    pub fn not_negative(&mut self, attribute: &str, values: &[f64]) {
         if self.finite(attribute, values)
             && let Some(x) = values.iter().find(|&&x| x < 0.0)
         {
@@ -102,7 +103,7 @@ impl<'a> Element<'a> {
     }
 
     /// As [`range`](Self::range); a range in force must not be empty.
-    fn bounds(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) {
+    pub fn bounds(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) {
         let [lo, hi] = range.unwrap_or_default();
         if self.range(attribute, limited, range, flag, autolimits) && lo >= hi {
             self.refuse(format!("{attribute} is empty: {lo} {hi}"), format!("give {attribute} as lower upper"));
@@ -137,6 +138,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
         }
     }
     check_contact(spec, diagnostics);
+    tendons::check(spec, diagnostics);
     equality::check(spec, diagnostics);
     check_actuators(spec, diagnostics);
     check_keys(spec, diagnostics);

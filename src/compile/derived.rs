@@ -7,6 +7,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use lanesim_kernels::model::{Dof, DofKind, Joint, JointKind, Link, NONE};
 
+use super::heavy::Heavy;
 use super::links::Links;
 use super::order::Scene;
 use super::pose::{rotation, skew, unit_quat};
@@ -116,6 +117,8 @@ pub(crate) struct Derived {
     pub dof_invweight0: Vec<f64>,
     /// Translational and rotational inverse weight of each body.
     pub body_invweight0: Vec<[f64; 2]>,
+    /// The inertia matrix with armature of tendons, if they have any.
+    heavy: Option<Heavy>,
 }
 
 impl Derived {
@@ -149,7 +152,55 @@ impl Derived {
             body_invweight0[b] = [weight, 0.0];
             dof_invweight0[table[links.body_link[b] as usize].dofs.range()].fill(weight);
         }
-        Derived { hinges, orientations, dof_m0, dof_invweight0, body_invweight0 }
+        Derived { hinges, orientations, dof_m0, dof_invweight0, body_invweight0, heavy: None }
+    }
+
+    /// Takes armature of tendons into account.
+    pub fn with_tendons(&mut self, heavy: Heavy, scene: &Scene, links: &Links, joints: &[Joint<f64>]) {
+        let mut weights = heavy.dofs();
+        average(&mut weights, joints);
+        for (b, body) in scene.bodies.iter().enumerate().filter(|(b, _)| links.body_link[*b] != NONE) {
+            let link = links.body_link[b];
+            let mut dofs = links.links[link as usize].dofs.range();
+            if is_slider(scene, links, b) && !dofs.any(|dof| heavy.holds(dof)) {
+                let own = links.links[link as usize].dofs.range();
+                weights[own.clone()].copy_from_slice(&self.dof_invweight0[own]);
+                continue;
+            }
+            let com = links.body_pose[b].then(&body.mass.frame).pos;
+            self.body_invweight0[b] = heavy.body(link, com.to_array());
+        }
+        self.dof_invweight0 = weights;
+        self.heavy = Some(heavy);
+    }
+
+    /// Accelerations of all dofs that a generalised force causes, given where it acts.
+    pub fn response(&self, force: impl Iterator<Item = (usize, f64)>) -> Vec<f64> {
+        let mut left = vec![0.0; self.hinges.len()];
+        force.for_each(|(dof, x)| left[dof] += x);
+        if let Some(heavy) = &self.heavy {
+            return heavy.response(left);
+        }
+        let mut bias = vec![Spatial::ZERO; self.hinges.len()];
+        for (k, hinge) in self.hinges.iter().enumerate().rev() {
+            left[k] -= hinge.axis.dot(bias[k]);
+            if hinge.parent != NONE {
+                let mut passed = bias[k];
+                passed.add_scaled(hinge.force, left[k] / hinge.inertia);
+                bias[hinge.parent as usize].add_scaled(passed.force_to_parent(hinge.shift), 1.0);
+            }
+        }
+        let mut motion: Vec<Spatial> = Vec::with_capacity(self.hinges.len());
+        for (hinge, left) in self.hinges.iter().zip(&mut left) {
+            let mut own = match hinge.parent {
+                NONE => Spatial::ZERO,
+                parent => motion[parent as usize].motion_to_child(hinge.shift),
+            };
+            *left = (*left - hinge.force.dot(own)) / hinge.inertia;
+            own.add_scaled(hinge.axis, *left);
+            motion.push(own);
+        }
+        left
     }
 
     /// Orientation of a link in the reference configuration.

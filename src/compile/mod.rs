@@ -12,6 +12,7 @@ mod constraints;
 mod derived;
 mod equality;
 mod finite;
+mod heavy;
 mod inertia;
 mod joints;
 mod keys;
@@ -24,6 +25,7 @@ mod pose;
 mod report;
 mod response;
 mod rows;
+mod tendons;
 #[cfg(test)]
 mod tests;
 
@@ -38,9 +40,12 @@ use crate::diagnostics::Diagnostics;
 use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
 use crate::spec::{Source, Spec};
 use actuators::Actuators;
+use constraints::InverseWeights;
+use heavy::Heavy;
 use links::Links;
 use order::Scene;
 pub(crate) use pairs::MINMU;
+use tendons::Tendons;
 
 /// Compiles a model, or says everything that is wrong with it.
 ///
@@ -77,7 +82,13 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let reflected = actuators::reflected(spec, &targets, scene.joints.len());
     let mut joints = joints::joints(&scene, &links);
     let mut dofs = joints::dofs(&scene, &links, &reflected);
-    let derived = derived::Derived::new(&scene, &links, &joints, &dofs);
+    let mut tendons = Tendons::new(spec, &scene, &links, (&joints, &dofs), &names);
+    tendons.check_discrete(spec, &mut diagnostics);
+    let mut derived = derived::Derived::new(&scene, &links, &joints, &dofs);
+    if let Some(heavy) = tendons.heavy(&scene, &links, (&joints, &dofs)) {
+        derived.with_tendons(heavy, &scene, &links, &joints);
+    }
+    tendons.weigh(&derived);
     for (j, stiffness, damping) in constraints::springdampers(&scene, &derived.dof_invweight0) {
         joints[j].stiffness = [stiffness, 0.0, 0.0];
         joints[j].spring = true;
@@ -89,12 +100,17 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let actuators = actuators::actuators(spec, &scene, &targets, &joints, &derived);
     let weights = &derived.body_invweight0;
     let pairs = pairs::pairs(spec, &scene, &links, &dofs, weights, (&names.geoms, &meshes), &mut diagnostics);
-    let equalities = equality::Equalities::new(spec, &scene, &links, &dofs, &derived, &names).unwrap_or_else(|n| {
-        let message = format!("the Jacobians of equality constraints have {n} entries and more");
-        diagnostics.push(&Source::default(), "", message, "split the model, or hold bodies nearer to the world");
-        Default::default()
-    });
-    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &equalities).unwrap_or_else(|n| {
+    let equalities =
+        equality::Equalities::new(spec, &scene, &links, &dofs, &derived, &tendons, &names).unwrap_or_else(|n| {
+            let message = format!("the Jacobians of equality constraints have {n} entries and more");
+            diagnostics.push(&Source::default(), "", message, "split the model, or hold bodies nearer to the world");
+            Default::default()
+        });
+    let inverse = InverseWeights { dofs: &derived.dof_invweight0, tendons: &tendons.invweight0 };
+    let limits = constraints::limits(spec, &scene, &tendons.table, inverse);
+    let friction_losses = constraints::friction_losses(spec, &scene, &tendons.table, inverse);
+    let along = tendons.joining(&limits, &friction_losses);
+    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &equalities, &along).unwrap_or_else(|n| {
         let message = format!("{n} degrees of freedom are coupled: the inertia matrix is too large");
         diagnostics.push(
             &Source::default(),
@@ -109,9 +125,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let keys = keys::keys(spec, &scene);
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
-        sizes: sizes(&scene, &links, &actuators, &pairs, &equalities, nm),
+        sizes: sizes(&scene, &links, &tendons, &actuators, &pairs, &equalities, nm),
         options: spec.option.clone().limited(),
-        features: features(&spec.option, &links, &joints, &dofs, &actuators),
+        features: features(&spec.option, &links, &joints, &dofs, &tendons.table, &actuators),
         joints,
         dofs,
         levers: Vec::new(),
@@ -120,8 +136,12 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         hulls: pairs.hulls.into(),
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
-        limits: constraints::limits(&spec.option, &scene, &derived.dof_invweight0),
-        friction_losses: constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0),
+        tendons: tendons.table.clone(),
+        tendon_dofs: tendons.dofs.clone(),
+        stretches: tendons.stretches.clone(),
+        stretch_dofs: tendons.stretch_dofs.clone(),
+        limits,
+        friction_losses,
         equalities: equalities.table,
         equality_dofs: equalities.dofs,
         eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
@@ -154,6 +174,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tables: &tables,
         derived: &derived,
         actuators: &actuators,
+        tendons: &tendons,
         held: &equalities.held,
         geom_names: &names.geoms,
         keys: &keys,
@@ -202,13 +223,18 @@ pub(crate) fn reweigh(spec: &Spec, weights: &Weights<'_>, tables: &mut kernel::M
     }
     tables.bodies = links.bodies(&scene);
     tables.potential_still = potential(&links.still(&scene), tables.gravity);
-    let derived = derived::Derived::new(&scene, &links, &tables.joints, &tables.dofs);
-    tables.limits = constraints::limits(&spec.option, &scene, &derived.dof_invweight0);
-    tables.friction_losses = constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0);
+    let mut derived = derived::Derived::new(&scene, &links, &tables.joints, &tables.dofs);
+    if let Some(heavy) = Heavy::new(tables) {
+        derived.with_tendons(heavy, &scene, &links, &tables.joints);
+    }
+    let tendons = tendons::reweigh(tables, &derived);
+    let inverse = InverseWeights { dofs: &derived.dof_invweight0, tendons: &tendons };
+    tables.limits = constraints::limits(spec, &scene, &tables.tendons, inverse);
+    tables.friction_losses = constraints::friction_losses(spec, &scene, &tables.tendons, inverse);
     tables.mean_inertia = mean(&derived.dof_m0);
     if !tables.equalities.is_empty() {
         let held = equality::all_objects(spec, &scene, &element_names(spec, &scene));
-        equality::Equalities::reweigh(&mut tables.equalities, &held, &scene, &derived);
+        equality::Equalities::reweigh(&mut tables.equalities, &held, &scene, &derived, &tendons);
     }
     let weight = |geom: u32| derived.body_invweight0[scene.geoms[tables.geoms[geom as usize].id as usize].body][0];
     for pair in &mut tables.pairs {
@@ -231,6 +257,7 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
         joints: Names::new(scene.joints.iter().map(|j| j.spec.name.clone()).collect()),
         geoms: Names::new(scene.geoms.iter().map(|g| g.spec.name.clone()).collect()),
         sites: Names::new(scene.sites.iter().map(|s| s.spec.name.clone()).collect()),
+        tendons: Names::new(spec.tendons.iter().map(|t| t.name.clone()).collect()),
         equalities: Names::new(spec.equalities.iter().map(|e| e.name.clone()).collect()),
         actuators: Names::new(spec.actuators.iter().map(|a| a.name.clone()).collect()),
         keys: Names::new(spec.keys.iter().map(|k| k.name.clone()).collect()),
@@ -240,6 +267,7 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
 fn sizes(
     scene: &Scene,
     links: &Links,
+    tendons: &Tendons,
     actuators: &Actuators,
     pairs: &pairs::Pairs,
     equalities: &equality::Equalities,
@@ -266,6 +294,8 @@ fn sizes(
         neq: equalities.held.len(),
         ne: equalities.ne,
         nej: equalities.nej,
+        ntendon: tendons.table.len(),
+        ntj: tendons.dofs.len(),
     }
 }
 
@@ -280,14 +310,15 @@ fn features(
     links: &Links,
     joints: &[kernel::Joint<f64>],
     dofs: &[kernel::Dof<f64>],
+    tendons: &[kernel::Tendon<f64>],
     actuators: &Actuators,
 ) -> Features {
     let flags = &options.flags;
     let damped = dofs.iter().any(|d| d.damped);
     let weight = flags.gravity && options.gravity != [0.0; 3];
     Features {
-        springs: flags.spring && joints.iter().any(|j| j.spring),
-        dampers: flags.damper && damped,
+        springs: flags.spring && (joints.iter().any(|j| j.spring) || tendons.iter().any(|t| t.spring)),
+        dampers: flags.damper && (damped || tendons.iter().any(|t| t.damped)),
         // Without springs and dampers there are no passive forces at all.
         gravcomp: weight && (flags.spring || flags.damper) && links.links.iter().any(|l| l.gravcomp != 0.0),
         fluid: (options.density > 0.0 || options.viscosity > 0.0)

@@ -40,6 +40,17 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
     for (i, equality) in spec.equalities.iter().enumerate().filter(|(_, equality)| raised(options, equality.solref)) {
         slow.push(&equality.source, label("equality", &equality.name, i));
     }
+    for (i, tendon) in spec.tendons.iter().enumerate() {
+        if tendon.stiffness.iter().any(|&k| k < 0.0) {
+            pushing.push(&tendon.source, label("tendon", &tendon.name, i));
+        }
+        let limited = is_limited(tendon.range, tendon.limited);
+        if (limited && raised(options, tendon.solreflimit))
+            || (tendon.frictionloss > 0.0 && raised(options, tendon.solreffriction))
+        {
+            slow.push(&tendon.source, label("tendon", &tendon.name, i));
+        }
+    }
     notes.extend(pushing.sentence("stiffness is negative, the spring pushes away"));
     notes.extend(empty_ranges(spec, scene).sentence("ranges are empty and limit nothing"));
     let bound = 2.0 * options.timestep;
@@ -63,6 +74,11 @@ fn empty_ranges(spec: &Spec, scene: &Scene) -> List {
         let at = (&joint.source, &*label("joint", &joint.name, i));
         check(at, "range", joint.range, joint.limited);
         check(at, "actuatorfrcrange", joint.actuatorfrcrange, joint.actuatorfrclimited);
+    }
+    for (i, tendon) in spec.tendons.iter().enumerate() {
+        let at = (&tendon.source, &*label("tendon", &tendon.name, i));
+        check(at, "range", tendon.range, tendon.limited);
+        check(at, "actuatorfrcrange", tendon.actuatorfrcrange, tendon.actuatorfrclimited);
     }
     for (i, actuator) in spec.actuators.iter().enumerate() {
         let at = (&actuator.source, &*label("actuator", &actuator.name, i));
@@ -112,7 +128,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("ngeom", scene.geoms.len()),
         ("nsite", scene.sites.len()),
         ("ntree", links.tree_root.len()),
-        ("ntendon", 0),
+        ("ntendon", spec.tendons.len()),
         ("neq", spec.equalities.len()),
         ("nsensor", 0),
         ("nsensordata", 0),

@@ -11,7 +11,7 @@ use super::reference::{Entry, References};
 use super::replicate::Replica;
 use super::report::Report;
 use super::tree::{Element, Tree};
-use crate::spec::{Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Pair};
+use crate::spec::{Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Pair, Tendon};
 
 /// Words of `body/fuse`.
 const FUSE: &[(&str, bool)] = &[("auto", true), ("false", false)];
@@ -74,6 +74,7 @@ pub(super) struct Builder<'a> {
     pub bodies: Vec<Body>,
     pub pairs: References<Pair>,
     pub excludes: References<Exclude>,
+    pub tendons: References<Tendon>,
     pub equalities: References<Equality>,
     pub actuators: References<Entry>,
     pub compiler: &'a Compiler,

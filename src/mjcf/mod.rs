@@ -28,6 +28,7 @@ mod replicate;
 mod report;
 mod scan;
 mod schema;
+mod tendon;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -39,7 +40,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
-use crate::spec::{Actuator, Body, Equality, Exclude, Pair, Spec, Transmission};
+use crate::spec::{Actuator, Body, Equality, Exclude, Pair, Spec, Tendon, Transmission};
 use actuator::Tag;
 use body::Builder;
 use defaults::{Classes, MAIN};
@@ -113,6 +114,7 @@ fn read(
 
     let classes = Classes::read(&tree, &mut report);
     let (pairs, excludes) = contacts(&tree, &classes, &mut report);
+    let tendons = tendon::all(&tree, &classes, &mut report);
     let equalities = equality::all(&tree, &classes, &mut report);
     let actuators = actuators(&tree, &classes, &mut report);
     let lost_coordinates = tree.section("deformable").any(|index| tree[index].tag != "skin");
@@ -124,6 +126,7 @@ fn read(
         bodies: std::mem::take(&mut spec.bodies),
         pairs: References::new(pairs),
         excludes: References::new(excludes),
+        tendons: References::new(tendons),
         equalities: References::new(equalities),
         actuators: References::new(actuators),
         compiler: &spec.compiler,
@@ -149,6 +152,7 @@ struct Built {
     bodies: Vec<Body>,
     pairs: Vec<Pair>,
     excludes: Vec<Exclude>,
+    tendons: Vec<Tendon>,
     equalities: Vec<Equality>,
     actuators: Vec<Entry>,
     lost_geoms: HashSet<String>,
@@ -172,6 +176,7 @@ impl Built {
             bodies: builder.bodies,
             pairs: builder.pairs.into_items().collect(),
             excludes: builder.excludes.into_items().collect(),
+            tendons: builder.tendons.into_items().collect(),
             equalities: builder.equalities.into_items().collect(),
             actuators: builder.actuators.into_items().collect(),
             lost_geoms: builder.lost_geoms.into_iter().collect(),
@@ -182,7 +187,8 @@ impl Built {
 
     /// Hands over what was built, and reads the keyframes.
     fn finish(self, tree: &Tree, spec: &mut Spec, report: &mut Report) {
-        (spec.bodies, spec.excludes, spec.equalities) = (self.bodies, self.excludes, self.equalities);
+        (spec.bodies, spec.excludes) = (self.bodies, self.excludes);
+        (spec.tendons, spec.equalities) = (self.tendons, self.equalities);
         for pair in self.pairs {
             let lost = [&pair.geom1, &pair.geom2].into_iter().find(|&name| self.lost_geoms.contains(name)).cloned();
             match lost {

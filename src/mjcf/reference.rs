@@ -2,23 +2,40 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::spec::{Actuator, Equality, Exclude, Held, Pair, Transmission};
+use crate::spec::{Actuator, Equality, Exclude, Held, Pair, Path, Tendon, Transmission, Waypoint};
+
+/// Kinds of elements that others name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Space {
+    Body,
+    Site,
+    Joint,
+    Geom,
+    Tendon,
+}
+
+/// Number of kinds.
+const SPACES: usize = 5;
+
+/// Names by kind.
+pub(super) type Names<'a> = [HashSet<&'a str>; SPACES];
 
 /// An element that names others.
 pub(super) trait Refers: Clone {
-    /// The names that it refers to, all of one kind.
-    fn targets(&mut self) -> Vec<&mut String>;
-    /// Which kind, where elements may refer to several.
-    fn space(&self) -> usize {
-        0
-    }
+    /// The names that it refers to, with their kinds.
+    fn targets(&mut self) -> Vec<(Space, &mut String)>;
     /// Its own name.
     fn name(&mut self) -> &mut String;
 }
 
+/// Names of one kind.
+fn all<'a>(space: Space, names: impl IntoIterator<Item = &'a mut String>) -> Vec<(Space, &'a mut String)> {
+    names.into_iter().map(|name| (space, name)).collect()
+}
+
 impl Refers for Pair {
-    fn targets(&mut self) -> Vec<&mut String> {
-        vec![&mut self.geom1, &mut self.geom2]
+    fn targets(&mut self) -> Vec<(Space, &mut String)> {
+        all(Space::Geom, [&mut self.geom1, &mut self.geom2])
     }
     fn name(&mut self) -> &mut String {
         &mut self.name
@@ -26,8 +43,27 @@ impl Refers for Pair {
 }
 
 impl Refers for Exclude {
-    fn targets(&mut self) -> Vec<&mut String> {
-        vec![&mut self.body1, &mut self.body2]
+    fn targets(&mut self) -> Vec<(Space, &mut String)> {
+        all(Space::Body, [&mut self.body1, &mut self.body2])
+    }
+    fn name(&mut self) -> &mut String {
+        &mut self.name
+    }
+}
+
+impl Refers for Tendon {
+    fn targets(&mut self) -> Vec<(Space, &mut String)> {
+        match &mut self.path {
+            Path::Fixed(joints) => all(Space::Joint, joints.iter_mut().map(|(joint, _)| joint)),
+            Path::Spatial(points) => {
+                let names = points.iter_mut().flat_map(|point| match point {
+                    Waypoint::Site(site) => vec![(Space::Site, site)],
+                    Waypoint::Geom { geom, side } => vec![(Space::Geom, geom), (Space::Site, side)],
+                    Waypoint::Pulley(_) => Vec::new(),
+                });
+                names.collect()
+            }
+        }
     }
     fn name(&mut self) -> &mut String {
         &mut self.name
@@ -35,21 +71,12 @@ impl Refers for Exclude {
 }
 
 impl Refers for Equality {
-    fn targets(&mut self) -> Vec<&mut String> {
+    fn targets(&mut self) -> Vec<(Space, &mut String)> {
         match &mut self.held {
-            Held::Points { bodies: names, .. }
-            | Held::Frames { bodies: names, .. }
-            | Held::Sites(names)
-            | Held::SiteFrames { sites: names, .. }
-            | Held::Joints { joints: names, .. } => names.iter_mut().collect(),
-        }
-    }
-    /// Bodies, sites, joints.
-    fn space(&self) -> usize {
-        match self.held {
-            Held::Points { .. } | Held::Frames { .. } => 0,
-            Held::Sites(_) | Held::SiteFrames { .. } => 1,
-            Held::Joints { .. } => 2,
+            Held::Points { bodies, .. } | Held::Frames { bodies, .. } => all(Space::Body, bodies),
+            Held::Sites(sites) | Held::SiteFrames { sites, .. } => all(Space::Site, sites),
+            Held::Joints { joints, .. } => all(Space::Joint, joints),
+            Held::Tendons { tendons, .. } => all(Space::Tendon, tendons),
         }
     }
     fn name(&mut self) -> &mut String {
@@ -65,9 +92,9 @@ pub(super) struct Entry {
 }
 
 impl Refers for Entry {
-    fn targets(&mut self) -> Vec<&mut String> {
+    fn targets(&mut self) -> Vec<(Space, &mut String)> {
         match &mut self.actuator.transmission {
-            Transmission::Joint(joint) | Transmission::JointInParent(joint) => vec![joint],
+            Transmission::Joint(joint) | Transmission::JointInParent(joint) => vec![(Space::Joint, joint)],
         }
     }
     fn name(&mut self) -> &mut String {
@@ -80,7 +107,7 @@ impl Refers for Entry {
 pub(super) struct References<T> {
     items: Vec<Option<T>>,
     /// By kind.
-    by_target: [HashMap<String, Vec<usize>>; 3],
+    by_target: [HashMap<String, Vec<usize>>; SPACES],
 }
 
 impl<T: Refers> References<T> {
@@ -93,9 +120,8 @@ impl<T: Refers> References<T> {
     }
 
     fn push(&mut self, mut item: T) {
-        let space = item.space();
-        for target in item.targets() {
-            self.by_target[space].entry(target.clone()).or_default().push(self.items.len());
+        for (space, target) in item.targets() {
+            self.by_target[space as usize].entry(target.clone()).or_default().push(self.items.len());
         }
         self.items.push(Some(item));
     }
@@ -106,8 +132,8 @@ impl<T: Refers> References<T> {
     }
 
     /// The elements that refer to something that is about to be replicated, by index. Afterwards none will have such a
-    /// name as its target, so these names are forgotten. Names come by kind.
-    pub fn to(&mut self, replicated: &[&HashSet<&str>]) -> Vec<usize> {
+    /// name as its target, so these names are forgotten.
+    pub fn to(&mut self, replicated: &Names) -> Vec<usize> {
         let mut indices = Vec::new();
         for (names, space) in replicated.iter().zip(&mut self.by_target) {
             indices.extend(names.iter().filter_map(|name| space.remove(*name)).flatten());
@@ -118,14 +144,21 @@ impl<T: Refers> References<T> {
         indices
     }
 
+    /// The names of elements that have one.
+    pub fn names(&mut self, indices: &[usize]) -> Vec<String> {
+        let names = indices.iter().filter_map(|&index| Some(self.items[index].as_mut()?.name().clone()));
+        names.filter(|name| !name.is_empty()).collect()
+    }
+
     /// Moves elements to the end, once for each suffix. What they refer to outside of the replica stays the same.
-    pub fn replicate(&mut self, indices: &[usize], replicated: &[&HashSet<&str>], suffixes: &[String]) {
+    pub fn replicate(&mut self, indices: &[usize], replicated: &Names, suffixes: &[String]) {
         let originals: Vec<T> = indices.iter().filter_map(|&index| self.items[index].take()).collect();
         for suffix in suffixes {
             for original in &originals {
                 let mut copy = original.clone();
-                let replicated = replicated[copy.space()];
-                for target in copy.targets().into_iter().filter(|target| replicated.contains(target.as_str())) {
+                let replicated =
+                    |(space, name): &(Space, &mut String)| replicated[*space as usize].contains(name.as_str());
+                for (_, target) in copy.targets().into_iter().filter(replicated) {
                     target.push_str(suffix);
                 }
                 if !copy.name().is_empty() {

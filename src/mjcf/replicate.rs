@@ -1,10 +1,9 @@
 //! `replicate`: copies of a part of the body tree, each one step further.
 
-use std::collections::HashSet;
-
 use super::body::{Builder, place};
 use super::orientation::{Orientation, Pose};
 use super::reader::Reader;
+use super::reference::{Names, Space};
 use crate::spec::Body;
 
 /// A `replicate` whose content is being read.
@@ -67,25 +66,27 @@ impl Replica {
         let holder = &mut builder.bodies[self.body];
         let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));
         let content = Body { geoms, sites, ..Body::default() };
-        let names = Names::new(&bodies, &content);
-        let (geoms, bodies_alone, joints) = ([&names.geoms], [&names.bodies], [&names.joints]);
-        let held = [&names.bodies, &names.sites, &names.joints];
-        let (pairs, excludes) = (builder.pairs.to(&geoms), builder.excludes.to(&bodies_alone));
-        let (equalities, actuators) = (builder.equalities.to(&held), builder.actuators.to(&joints));
+        let mut names = names(&bodies, &content);
+        let (pairs, excludes) = (builder.pairs.to(&names), builder.excludes.to(&names));
+        let tendons = builder.tendons.to(&names);
+        let replicated = builder.tendons.names(&tendons);
+        names[Space::Tendon as usize] = replicated.iter().map(String::as_str).collect();
+        let (equalities, actuators) = (builder.equalities.to(&names), builder.actuators.to(&names));
         let width = count.to_string().len();
         let longer = separator.len() + width;
         let size = weight(&content, longer) + bodies.iter().map(|body| weight(body, longer)).sum::<usize>();
         let lost = builder.lost_geoms[self.lost_geoms..].len();
-        let size = size + pairs.len() + excludes.len() + equalities.len() + actuators.len() + lost;
+        let size = size + pairs.len() + excludes.len() + tendons.len() + equalities.len() + actuators.len() + lost;
         if !builder.reserve(element, size.saturating_mul(count)) {
             return;
         }
 
         let suffixes: Vec<String> = (0..count).map(|k| format!("{separator}{k:0width$}")).collect();
-        builder.pairs.replicate(&pairs, &geoms, &suffixes);
-        builder.excludes.replicate(&excludes, &bodies_alone, &suffixes);
-        builder.equalities.replicate(&equalities, &held, &suffixes);
-        builder.actuators.replicate(&actuators, &joints, &suffixes);
+        builder.pairs.replicate(&pairs, &names, &suffixes);
+        builder.excludes.replicate(&excludes, &names, &suffixes);
+        builder.tendons.replicate(&tendons, &names, &suffixes);
+        builder.equalities.replicate(&equalities, &names, &suffixes);
+        builder.actuators.replicate(&actuators, &names, &suffixes);
         // Pairs may name copies of what is left out.
         let lost = builder.lost_geoms[self.lost_geoms..].iter().filter(|name| !name.is_empty()).cloned();
         let lost: Vec<String> = lost.collect();
@@ -147,24 +148,15 @@ fn rename(body: &mut Body, suffix: &str) {
 }
 
 /// The names in the content of a replica.
-struct Names<'a> {
-    bodies: HashSet<&'a str>,
-    joints: HashSet<&'a str>,
-    geoms: HashSet<&'a str>,
-    sites: HashSet<&'a str>,
-}
-
-impl<'a> Names<'a> {
-    fn new(bodies: &'a [Body], content: &'a Body) -> Self {
-        let all = || bodies.iter().chain(std::iter::once(content));
-        fn named<'a>(names: impl Iterator<Item = &'a String>) -> HashSet<&'a str> {
-            names.map(String::as_str).filter(|name| !name.is_empty()).collect()
-        }
-        Names {
-            bodies: named(bodies.iter().map(|body| &body.name)),
-            joints: named(all().flat_map(|body| body.joints.iter().map(|joint| &joint.name))),
-            geoms: named(all().flat_map(|body| body.geoms.iter().map(|geom| &geom.name))),
-            sites: named(all().flat_map(|body| body.sites.iter().map(|site| &site.name))),
-        }
-    }
+fn names<'a>(bodies: &'a [Body], content: &'a Body) -> Names<'a> {
+    let all = || bodies.iter().chain(std::iter::once(content));
+    let mut names = Names::default();
+    let mut add = |space: Space, found: &mut dyn Iterator<Item = &'a String>| {
+        names[space as usize] = found.map(String::as_str).filter(|name| !name.is_empty()).collect();
+    };
+    add(Space::Body, &mut bodies.iter().map(|body| &body.name));
+    add(Space::Joint, &mut all().flat_map(|body| body.joints.iter().map(|joint| &joint.name)));
+    add(Space::Geom, &mut all().flat_map(|body| body.geoms.iter().map(|geom| &geom.name)));
+    add(Space::Site, &mut all().flat_map(|body| body.sites.iter().map(|site| &site.name)));
+    names
 }

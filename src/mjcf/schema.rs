@@ -57,6 +57,9 @@ const CAMERA: &str = "focal focalpixel fovy ipd mode output pos principal princi
 const LIGHT: &str = "active ambient attenuation bulbradius castshadow cutoff diffuse dir directional exponent intensity \
     mode pos range softness specular type";
 const PAIR: &str = "adhesion condim friction gap margin solimp solref solreffriction";
+const TENDON: &str = "actuatorfrclimited actuatorfrcrange armature damping frictionloss group limited margin range \
+    solimpfriction solimplimit solreffriction solreflimit springlength springyield stiffness user";
+const DRAWN: &str = "material rgba width";
 const LAW: &str = "active solref solimp";
 /// What every actuator but the newest kinds has.
 const ACTUATOR: &str = "armature cranklength ctrllimited ctrlrange damping delay forcelimited forcerange gear group \
@@ -94,7 +97,7 @@ static MUJOCO: Rule = Rule {
         &WORLD,
         &opaque("deformable"),
         &CONTACT,
-        &opaque("tendon"),
+        &TENDONS,
         &EQUALITY,
         &ACTUATORS,
         &opaque("sensor"),
@@ -117,7 +120,7 @@ static DEFAULT: Rule = Rule {
         &leaf("light", &[LIGHT]),
         &leaf("pair", &[PAIR]),
         &leaf("equality", &[LAW]),
-        &opaque("tendon"),
+        &leaf("tendon", &[TENDON, DRAWN]),
         &leaf("general", &[ACTUATOR, GENERAL]),
         &leaf("motor", &[ACTUATOR]),
         &leaf("position", &[ACTUATOR, POSITION]),
@@ -200,13 +203,24 @@ static REPLICATE: Rule = Rule {
 static CONTACT: Rule =
     section("contact", &[&leaf("pair", &[PAIR, IDENTITY, "geom1 geom2"]), &leaf("exclude", &["name body1 body2"])]);
 
+static TENDONS: Rule = section(
+    "tendon",
+    &[
+        &Rule { children: &[&leaf("joint", &["joint coef"])], ..leaf("fixed", &[TENDON, IDENTITY]) },
+        &Rule {
+            children: &[&leaf("site", &["site"]), &leaf("geom", &["geom sidesite"]), &leaf("pulley", &["divisor"])],
+            ..leaf("spatial", &[TENDON, DRAWN, IDENTITY])
+        },
+    ],
+);
+
 static EQUALITY: Rule = section(
     "equality",
     &[
         &leaf("connect", &[LAW, IDENTITY, "body1 body2 anchor site1 site2"]),
         &leaf("weld", &[LAW, IDENTITY, "body1 body2 anchor relpose torquescale site1 site2"]),
         &leaf("joint", &[LAW, IDENTITY, "joint1 joint2 polycoef"]),
-        &opaque("tendon"),
+        &leaf("tendon", &[LAW, IDENTITY, "tendon1 tendon2 polycoef"]),
         &opaque("flex"),
         &opaque("flexvert"),
         &opaque("flexstrain"),

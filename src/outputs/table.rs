@@ -57,6 +57,7 @@ impl Dim {
 }
 
 const NV: Dim = Dim::Of("nv", |sizes| sizes.nv);
+const NTENDON: Dim = Dim::Of("ntendon", |sizes| sizes.ntendon);
 const NU: Dim = Dim::Of("nu", |sizes| sizes.nu);
 const NBODY: Dim = Dim::Of("nbody", |sizes| sizes.nbody);
 const NGEOM: Dim = Dim::Of("ngeom", |sizes| sizes.ngeom);
@@ -270,6 +271,25 @@ impl<L: LaneQuery> Table<L> {
             Stage::Solver,
             forces::internal,
         ),
+        Entry::of("ten_length", &[NTENDON], ("lengths of tendons", "m"), Stage::Tendon, |w, _, out| {
+            w.numbers(&w.workspace.tendons.length, w.tables.sizes.ntendon, out);
+        }),
+        Entry::of(
+            "ten_velocity",
+            &[NTENDON],
+            ("rates of the lengths of tendons", "m/s"),
+            Stage::Tendon,
+            |w, _, out| {
+                w.numbers(&w.workspace.tendons.velocity, w.tables.sizes.ntendon, out);
+            },
+        ),
+        Entry::of(
+            "ten_J",
+            &[NTENDON, NV],
+            ("Jacobian of the lengths of tendons", ""),
+            Stage::Tendon,
+            frames::tendon_jacobians,
+        ),
         Entry::of("actuator_length", &[NU], ("actuator lengths", ""), Stage::Actuation, |w, _, out| {
             w.numbers(&w.workspace.actuation.length, w.tables.sizes.nu, out);
         }),
@@ -397,7 +417,7 @@ impl<L: LaneQuery> Table<L> {
         Entry::of(
             "efc_id",
             &[],
-            ("equality constraint, dof, joint or contact of each row", ""),
+            ("equality constraint, dof, joint, tendon or contact of each row", ""),
             Stage::Constraint,
             |w, _, out| of_rows(w, false, out, |row, out| out.push(row.id as f64)),
         )

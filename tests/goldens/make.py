@@ -40,6 +40,12 @@ MODEL = (
     "actuator_ctrllimited actuator_forcelimited key_time key_qpos key_qvel key_ctrl eq_type eq_obj1id eq_obj2id eq_objtype "
     "eq_active0 eq_solref eq_solimp eq_data"
 ).split()
+TENDON_MODEL = (
+    "tendon_adr tendon_num tendon_limited tendon_actfrclimited tendon_range tendon_actfrcrange tendon_margin tendon_solref_lim "
+    "tendon_solimp_lim tendon_solref_fri tendon_solimp_fri tendon_stiffness tendon_stiffnesspoly tendon_damping "
+    "tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_length0 tendon_invweight0 wrap_type "
+    "wrap_objid wrap_prm"
+).split()
 FIELDS = (
     "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length actuator_velocity qfrc_bias "
     "qfrc_passive actuator_force qfrc_actuator qacc_smooth energy qfrc_constraint qacc"
@@ -208,6 +214,9 @@ def results(model, data):
     out["qM"] = np.zeros((model.nv, model.nv))
     if model.nv:
         mujoco.mj_fullM(model, data, out["qM"])
+    if model.ntendon:
+        out["ten_length"], out["ten_velocity"] = np.array(data.ten_length), np.array(data.ten_velocity)
+        out["ten_J"] = tendon_jacobian(model, data)
     out["efc_J"] = jacobian(model, data)
     out.update({k: np.array(getattr(data, k)) for k in ROWS})
     for k, width in CONTACT.items():
@@ -228,6 +237,14 @@ def jacobian(model, data):
     return dense
 
 
+def tendon_jacobian(model, data):
+    dense = np.zeros((model.ntendon, model.nv))
+    for t in range(model.ntendon):
+        start, count = model.ten_J_rowadr[t], model.ten_J_rownnz[t]
+        dense[t, model.ten_J_colind[start:start + count]] = data.ten_J[start:start + count]
+    return dense
+
+
 def pad(rows):
     """Arrays of one field, one per state, as one array padded with zeros."""
     shape = np.max([r.shape for r in rows], axis=0).astype(int) if rows[0].ndim else ()
@@ -244,8 +261,8 @@ def record(path):
         raise SystemExit(f"{path}: not stable under control noise")
     converge(model)
     states = collect(model, rng)
-    arrays = {"size/" + k: np.array(getattr(model, k)) for k in SIZES + ["neq"] * (model.neq > 0)}
-    arrays.update({"model/" + k: np.array(getattr(model, k)) for k in MODEL})
+    arrays = {"size/" + k: np.array(getattr(model, k)) for k in SIZES + ["neq"] * (model.neq > 0) + ["ntendon"] * (model.ntendon > 0)}
+    arrays.update({"model/" + k: np.array(getattr(model, k)) for k in MODEL + TENDON_MODEL * (model.ntendon > 0)})
     arrays.update({"in/" + k: np.array([s[k] for s in states]) for k in inputs(model)})
     outs, after = [], {"qpos": [], "qvel": []}
     for state in states:

@@ -4,22 +4,25 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use super::{Cone, Constraint, ContactRow, Kind, Strength, dof_rows};
-use crate::collision::{Contact, origin, reference};
+use crate::collision::{Contact, reference};
 use crate::lane::Lane;
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
 use crate::model::{Impedance, Instance, Model, NONE, Pair, PairDof, Sides};
 use crate::options;
-use crate::position::Position;
+use crate::position::{Position, origin};
+use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
-/// Where a block's links are, and how they move.
+/// Where a block's links and tendons are, and how they move.
 #[derive(Debug)]
 pub struct Motion<'a, L> {
     /// Poses, and axes of dofs.
     pub position: &'a Position<L>,
     /// Motions of links.
     pub velocity: &'a Velocity<L>,
+    /// Tendons.
+    pub tendons: &'a Tendons<L>,
     /// Velocities of dofs.
     pub qvel: &'a [L],
 }
@@ -215,7 +218,7 @@ pub fn measure<L: Lane>(
     row: &ContactRow,
     constraint: &mut Constraint<L>,
 ) {
-    let Motion { position, velocity, qvel } = motion;
+    let Motion { position, velocity, qvel, .. } = motion;
     let pair = &model.pairs[row.pair as usize];
     let (grip, dofs) = (Grip::new(model, row.pair as usize), &model.pair_dofs[pair.dofs.range()]);
     let (out, jacobian) = constraint.numbers_mut(row, dofs.len());

@@ -5,9 +5,10 @@ use super::Stages;
 use super::actuators::{Gain, gains};
 use crate::lane::Lane;
 use crate::math::vec3::norm;
-use crate::model::{Instance, Joint, JointKind};
-use crate::passive::{damper_slope, shift_from_rest, twist_from_rest};
+use crate::model::{Features, Instance, Joint, JointKind, Model, Tendon};
+use crate::passive::{damper_slope, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest};
 use crate::state::State;
+use crate::tendon::{self, Tendons};
 
 /// Adds h D + h² K to a matrix, writes h K v, and where actuators add to it.
 pub(super) fn add<L: Lane>(
@@ -37,6 +38,7 @@ pub(super) fn add<L: Lane>(
             }
         }
     }
+    tendons(&model, stages.tendons, h, (matrix, pull));
     if model.features.actuation {
         gains(model, state, stages.actuation, |Gain { dof, moment, length, velocity }| {
             let (spring, damper) = ((-length).max(L::zero()), (-velocity).max(L::zero()));
@@ -54,6 +56,21 @@ pub(super) fn add<L: Lane>(
                 pull[dof + i] = (held * speed).mul_add(*m, pull[dof + i]);
             }
         });
+    }
+}
+
+/// Of dampers and springs of tendons.
+fn tendons<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, h: L, (matrix, pull): (&mut [L], &mut [L])) {
+    let Features { springs, dampers, .. } = model.features;
+    let acts = |tendon: &Tendon<L::Real>| springs && tendon.spring || dampers && tendon.damped;
+    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
+        let (zero, speed) = (L::zero(), tendons.velocity[t]);
+        let damper = if dampers { tendon_damper_slope(model, t, speed) } else { zero };
+        let spring = if springs { tendon_spring_slope(tendon, tendons.length[t]) } else { zero };
+        let held = h * spring.max(zero);
+        let both = h.mul_add(held, h * damper.max(zero));
+        tendon::add_square(model, t, &tendons.jacobian, both, matrix);
+        tendon::pull(model, t, &tendons.jacobian, held * speed, pull);
     }
 }
 

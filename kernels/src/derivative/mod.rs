@@ -16,9 +16,10 @@ use crate::lane::Lane;
 use crate::math::{ldl, lu};
 use crate::model::{DofKind, Instance, Model, NONE};
 use crate::options::Integrator;
-use crate::passive::{damper_slope, fluid};
+use crate::passive::{damper_slope, fluid, tendon_damper_slope};
 use crate::position::Position;
 use crate::state::State;
+use crate::tendon::{self, Tendons};
 use crate::velocity::Velocity;
 
 fields! {
@@ -52,6 +53,7 @@ fields! {
 #[allow(missing_docs)] // each field is the stage of the same name
 pub struct Stages<'a, L> {
     pub position: &'a Position<L>,
+    pub tendons: &'a Tendons<L>,
     pub inertia: &'a Inertia<L>,
     pub velocity: &'a Velocity<L>,
     pub actuation: &'a Actuation<L>,
@@ -101,6 +103,11 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
         for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
             let diagonal = &mut out.lower[model.rows.diagonal(i)];
             *diagonal = h.mul_add(damper_slope(model, i, state.qvel[i]), *diagonal);
+        }
+        for (t, _) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.damped) {
+            let Tendons { velocity, jacobian, .. } = stages.tendons;
+            let slope = h * tendon_damper_slope(&model, t, velocity[t]);
+            tendon::add_square(&model, t, jacobian, slope, &mut out.lower);
         }
     }
     fluid::add_slope(&model, stages.position, stages.velocity, h, &mut out.lower);

@@ -318,8 +318,10 @@ pub struct PairDof {
 }
 
 table! {
-    /// A joint limit.
+    /// A limit of a joint, or of a tendon.
     pub struct Limit {
+        /// Tendon, or [`NONE`]; then `joint`, `dof` and `qpos` are 0.
+        pub tendon: u32,
         /// Joint.
         pub joint: u32,
         /// First degree of freedom.
@@ -335,7 +337,7 @@ table! {
         pub margin: T,
         /// Impedance.
         pub impedance: Impedance<T>,
-        /// Â: inverse weight of the joint's dofs.
+        /// Â: inverse weight of the joint's dofs, or of the tendon.
         pub invweight: T,
     } T
 }
@@ -349,6 +351,8 @@ pub enum EqualityKind {
     Weld,
     /// The position of a joint as a polynomial of that of another, or at a value: one row.
     Joint,
+    /// The same of the lengths of tendons.
+    Tendon,
 }
 
 table! {
@@ -362,6 +366,8 @@ table! {
         pub links: [u32; 2],
         /// Positions of its joints; [`NONE`] for a second that there is not.
         pub qpos: [u32; 2],
+        /// Its tendons, likewise.
+        pub tendons: [u32; 2],
         /// Degrees of freedom that move one of its sides against the other, in [`Model::equality_dofs`], ascending.
         pub dofs: Span,
         /// Whether it couples dofs that the inertia matrix does not.
@@ -377,9 +383,9 @@ table! {
         pub quat: [[T; 4]; 2],
         /// Length that stands for a radian (weld).
         pub torquescale: T,
-        /// Coefficients of the polynomial, constant first (joint).
+        /// Coefficients of the polynomial, constant first (joint, tendon).
         pub polynomial: [T; 5],
-        /// Positions of the joints in the reference configuration, from which the polynomial counts.
+        /// Positions of the joints, or lengths of the tendons, in the reference configuration, from which the polynomial counts.
         pub reference: [T; 2],
         /// Impedance.
         pub impedance: Impedance<T>,
@@ -395,7 +401,7 @@ impl<T> Equality<T> {
         match self.kind {
             EqualityKind::Connect => 3,
             EqualityKind::Weld => 6,
-            EqualityKind::Joint => 1,
+            EqualityKind::Joint | EqualityKind::Tendon => 1,
         }
     }
 
@@ -416,8 +422,10 @@ pub struct EqualityDof {
 }
 
 table! {
-    /// Dry friction of a degree of freedom.
+    /// Dry friction of a degree of freedom, or of a tendon.
     pub struct FrictionLoss {
+        /// Tendon, or [`NONE`]; then `dof` is 0.
+        pub tendon: u32,
         /// Degree of freedom.
         pub dof: u32,
         real:

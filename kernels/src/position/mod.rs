@@ -9,7 +9,7 @@ use crate::math::quat;
 use crate::math::vec3::{
     Mat3, Vec3, add, column, cross, mul, mul_add, mul_mat, neg, rotate_columns, rotation, scale, splat, sub, zero,
 };
-use crate::model::{AxisKind, Instance, Joint, JointKind, Link, NONE};
+use crate::model::{AxisKind, Instance, Joint, JointKind, Link, Model, NONE};
 
 fields! {
     /// Poses of links and axes of dofs.
@@ -70,6 +70,12 @@ pub fn kinematics<L: Lane>(model: Instance<'_, L>, qpos: &[L], position: &mut Po
             dof_axes(&model.joints[j], j, &rot, position);
         }
     }
+}
+
+/// Origin of the tree of a link; zero for [`NONE`].
+#[inline(always)]
+pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32) -> Vec3<L> {
+    if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
 /// A link's frame before its joints act.

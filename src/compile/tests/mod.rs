@@ -2,6 +2,7 @@
 
 mod ranges;
 mod refused;
+mod tendons;
 
 use lanesim_kernels::constraint::DofRowKind;
 use lanesim_kernels::model::{AxisKind, NONE, Shape as KernelShape, Span};

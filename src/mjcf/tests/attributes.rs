@@ -30,7 +30,7 @@ const IDLE: &[(&str, &str, &str)] = &[
         USER,
     ),
     ("*", "user", USER),
-    ("*", "rgba material castshadow", LOOKS),
+    ("*", "rgba material castshadow width", LOOKS),
     ("camera light", "*", LOOKS),
     ("geom", "hfield", MESHES),
     ("mesh", "*", MESHES),
@@ -68,6 +68,11 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
     let (element, default) = (path[path.len() - 1], path.contains(&"default"));
     match element {
         "joint" if path.contains(&"equality") => &[("joint1", "j")],
+        "tendon" if path.contains(&"equality") => &[("tendon1", "t")],
+        "joint" if path.contains(&"tendon") => &[("joint", "j"), ("coef", "3")],
+        "site" if path.contains(&"tendon") => &[("site", "s")],
+        "geom" if path.contains(&"tendon") => &[("geom", "g")],
+        "pulley" => &[("divisor", "3")],
         "connect" => &[("body1", "a"), ("anchor", "0 0 1")],
         "weld" => &[("body1", "a")],
         "default" => &[("class", "main")],
@@ -116,7 +121,8 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
         _ => "",
     };
     // A joint or inertia needs a body around it.
-    let needs_body = matches!(element, "joint" | "freejoint" | "inertial") && !default && !path.contains(&"equality");
+    let refers = path.contains(&"equality") || path.contains(&"tendon");
+    let needs_body = matches!(element, "joint" | "freejoint" | "inertial") && !default && !refers;
     let mut text =
         if element == "mujoco" { String::new() } else { format!("<{element}{attributes}>{inside}</{element}>") };
     if needs_body {
@@ -129,10 +135,10 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
     }
     let root = if element == "mujoco" { attributes } else { String::new() };
     format!(
-        "<mujoco{root}><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/>\
+        "<mujoco{root}><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/><tendon group='4'/>\
          <general gear='5'/></default></default>{text}<worldbody><geom name='h' size='1'/><body name='a'>\
          <joint name='j' range='-30 60'/><joint name='k' type='slide'/><geom name='g' size='.1' euler='10 20 30'/><site name='s'/></body></worldbody>\
-         <contact><pair geom1='g' geom2='h'/></contact><equality><joint joint1='k'/></equality>\
+         <contact><pair geom1='g' geom2='h'/></contact><tendon><fixed><joint joint='j' coef='1'/></fixed></tendon><equality><joint joint1='k'/></equality>\
          <actuator><general joint='j'/></actuator></mujoco>"
     )
 }

@@ -196,14 +196,10 @@ fn saved_actuators_are_read() {
 
 /// What gives no force by itself stops no strict load.
 #[test]
-fn tendons_constraints_and_skins_without_effect_are_notes() {
+fn constraints_and_skins_without_effect_are_notes() {
     for (section, note) in [
         (
-            "<tendon>\n<fixed name='t' width='.01' stiffness='0' limited='false'><joint joint='j' coef='1'/></fixed></tendon>",
-            "line 2: 1 tendons without a force of their own are left out, as tendons are not built",
-        ),
-        (
-            "<equality>\n<flex flex='f' active='false'/><tendon tendon1='t' active='false'/></equality>",
+            "<equality>\n<flex flex='f' active='false'/><distance geom1='g' geom2='h' active='false'/></equality>",
             "line 2: 2 equality constraints of kinds that are not built, not active, are left out",
         ),
         ("<deformable>\n<skin name='s'/></deformable>", "line 2: 1 skins are not drawn"),
@@ -211,15 +207,8 @@ fn tendons_constraints_and_skins_without_effect_are_notes() {
         let spec = ok(&with_joint(&format!("{section}<keyframe><key qpos='1'/></keyframe>")));
         assert_eq!((spec.notes, spec.keys.len()), (vec![note.to_string()], 1), "{section}");
     }
-    let class = "<default><tendon stiffness='1'/></default>";
-    for section in [
-        "<tendon><fixed range='0 1'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
-        "<tendon><fixed stiffness='2'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
-        format!("{class}<tendon><fixed><joint joint='j' coef='1'/></fixed></tendon>"),
-        "<equality><tendon tendon1='t'/></equality>".to_string(),
-        "<deformable><flex/></deformable>".to_string(),
-    ] {
-        parse(&with_joint(&section), &LoadOptions::default()).expect_err("changes the motion");
+    for section in ["<equality><flex flex='f'/></equality>", "<deformable><flex/></deformable>"] {
+        parse(&with_joint(section), &LoadOptions::default()).expect_err("changes the motion");
     }
 }
 

@@ -147,7 +147,7 @@ fn overrides() {
 #[test]
 fn losses() {
     let text = with_joint(
-        "<tendon><fixed name='t' stiffness='1'/></tendon><sensor><clock/></sensor>\
+        "<equality><flex name='t'/></equality><sensor><clock/></sensor>\
          <actuator><motor name='a' tendon='t'/><motor name='b' joint='j'/></actuator>\
          <worldbody><geom name='v' type='hfield'/><camera/><light/></worldbody>\
          <contact><pair geom1='v' geom2='g'/></contact><keyframe><key ctrl='1 2' act='3'/></keyframe>",
@@ -156,7 +156,7 @@ fn losses() {
     assert_eq!(
         spec.losses,
         [
-            "line 1: fixed \"t\": tendons are not supported, left out",
+            "line 1: flex \"t\": this kind of equality constraint is not supported, left out",
             "line 1: motor \"a\": transmission through a tendon is not supported, left out",
             "line 1: geom \"v\": height fields are not supported, left out with its contacts",
             "line 1: pair: geom \"v\" was left out, and so is this pair",
@@ -169,5 +169,5 @@ fn losses() {
         spec.notes,
         ["line 1: 1 sensors are not built: there is no sensordata", "1 cameras and 1 lights have no effect",]
     );
-    rejects(&text, "1: fixed \"t\": tendons are not supported (a lenient load leaves it out)");
+    rejects(&text, "1: flex \"t\": this kind of equality constraint is not supported (a lenient load leaves it out)");
 }

@@ -1,12 +1,12 @@
 //! A point of one body on a point of another, or a frame on a frame.
 
 use super::{Held, Motion, Rates};
-use crate::collision::origin;
 use crate::lane::Lane;
 use crate::math::quat::{self, Quat};
 use crate::math::spatial::{Spatial, lin, rot};
 use crate::math::vec3::{Mat3, Vec3, add, cross, cross_add, dot, mul_add, mul_t, scale, splat, sub, zero};
 use crate::model::{Equality, EqualityKind, Instance, NONE};
+use crate::position::origin;
 
 /// The two points, and what the rows of orientation are made of.
 pub(super) struct Sides<L> {
