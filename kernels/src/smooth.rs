@@ -99,7 +99,7 @@ pub fn smooth<L: Lane>(
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {
-        findings.bad_controls = actuation::actuation(model, state, passive, actuation);
+        findings.bad_controls = actuation::actuation(model, state, (position, passive), actuation);
         end(Stage::Actuation);
     }
     if runs(Stage::Derivative) {
@@ -143,6 +143,10 @@ pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
             "derivative.inverse",
         ],
     };
+    // The integration reads them.
+    if model.sizes.na > 0 {
+        all.push("actuation.act_dot");
+    }
     // Rows of equality constraints read accelerations of links.
     if !model.equalities.is_empty() {
         all.push("velocity.cacc");

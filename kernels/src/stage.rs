@@ -52,7 +52,7 @@ impl Stage {
             Passive => &[Position, Velocity],
             Velocity | Stage::Energy => &[Position, Inertia],
             Constraint => &[Position, Collision, Velocity],
-            Actuation => &[Passive],
+            Actuation => &[Position, Passive],
             Stage::Derivative => &[Inertia, Velocity, Passive, Actuation],
             // In the metric of discrete steps.
             Acceleration => &[Inertia, Velocity, Passive, Actuation, Stage::Derivative],

@@ -68,7 +68,13 @@ impl Refers for Entry {
     fn targets(&mut self) -> Vec<&mut String> {
         match &mut self.actuator.transmission {
             Transmission::Joint(joint) | Transmission::JointInParent(joint) => vec![joint],
+            Transmission::Site { site, reference } => std::iter::once(site).chain(reference).collect(),
+            Transmission::SliderCrank { crank, slider, .. } => vec![crank, slider],
         }
+    }
+    /// Joints, sites.
+    fn space(&self) -> usize {
+        usize::from(self.actuator.transmission.joint().is_none())
     }
     fn name(&mut self) -> &mut String {
         &mut self.actuator.name

@@ -68,7 +68,8 @@ impl Replica {
         let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));
         let content = Body { geoms, sites, ..Body::default() };
         let names = Names::new(&bodies, &content);
-        let (geoms, bodies_alone, joints) = ([&names.geoms], [&names.bodies], [&names.joints]);
+        let (geoms, bodies_alone) = ([&names.geoms], [&names.bodies]);
+        let joints = [&names.joints, &names.sites];
         let held = [&names.bodies, &names.sites, &names.joints];
         let (pairs, excludes) = (builder.pairs.to(&geoms), builder.excludes.to(&bodies_alone));
         let (equalities, actuators) = (builder.equalities.to(&held), builder.actuators.to(&joints));

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use super::{Cone, Constraint, ContactRow, Kind, Strength, dof_rows};
-use crate::collision::{Contact, origin, reference};
+use crate::collision::{Contact, reference};
 use crate::lane::Lane;
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
@@ -222,7 +222,7 @@ pub fn measure<L: Lane>(
     if row.sides == Sides::One {
         return still_side(&grip, contact, &velocity.cvel[row.link as usize], out);
     }
-    let shift = sub(&origin(&model, position, pair.link2), &origin(&model, position, pair.link1));
+    let shift = sub(&position.origin_of(&model, pair.link2), &position.origin_of(&model, pair.link1));
     let at = if row.sides == Sides::Two { contact.pos() } else { add(&contact.pos(), &shift) };
     both_sides(&grip, contact, &at, dofs, (&position.cdof, qvel), jacobian, out);
 }
