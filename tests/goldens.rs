@@ -90,11 +90,25 @@ fn kinematics(options: &Options, tolerances: &Tolerances) {
 
 fn dynamics(options: &Options, tolerances: &Tolerances) {
     let t = tolerances.dynamics;
-    let forces = "ten_velocity qfrc_bias qfrc_passive actuator_force qfrc_actuator energy actuator_velocity";
+    let forces = "ten_velocity qfrc_bias qfrc_passive actuator_force qfrc_actuator energy actuator_velocity act_dot";
     let mut fields: Vec<_> = forces.split(' ').map(|name| (name, t, 1.0)).collect();
     fields.push(("qM", t, 1e-3));
     fields.push(("qacc_smooth", tolerances.qacc_smooth, 1.0));
     check_fields(options, &fields);
+}
+
+/// Of actuators that act on more than joints, or have activations.
+fn moments(options: &Options, tolerances: &Tolerances) {
+    let mut failures = Failures::default();
+    for golden in Golden::all().into_iter().filter(|golden| golden.arrays.contains_key("out/actuator_moment")) {
+        let ours = golden.eval(&["actuator_moment"], 0, options);
+        let expected = golden.rows(&golden.array("out/actuator_moment"));
+        for (state, (got, expected)) in ours["actuator_moment"].iter().zip(&expected).enumerate() {
+            let place = || format!("{} state {state} actuator_moment", golden.name);
+            failures.check(place, agree(got, expected, tolerances.kinematics, 1.0));
+        }
+    }
+    failures.report();
 }
 
 /// For each of MuJoCo's contacts, the one of ours between the same geoms that is nearest and not yet taken.
@@ -291,8 +305,8 @@ fn accelerations_meet_the_goal() {
 fn step(options: &Options, tolerances: &Tolerances) {
     let mut failures = Failures::default();
     for golden in Golden::all() {
-        let ours = golden.eval(&["qpos", "qvel"], 1, options);
-        for name in ["qpos", "qvel"] {
+        let ours = golden.eval(&["qpos", "qvel", "act"], 1, options);
+        for name in ["qpos", "qvel", "act"] {
             let expected = golden.rows(&golden.array(&format!("next/{name}")));
             for (state, (got, expected)) in ours[name].iter().zip(&expected).enumerate() {
                 let place = || format!("{} state {state} next {name}", golden.name);
@@ -316,12 +330,12 @@ macro_rules! groups {
     };
 }
 
-groups!(f64_wide, F64, Wide, F64: kinematics dynamics contacts rows solution step);
-groups!(f64_native, F64, Native, F64: kinematics dynamics contacts rows solution step);
-groups!(f64_scalar, F64, Scalar, F64: kinematics dynamics contacts rows solution step);
-groups!(f32_wide, F32, Wide, F32: kinematics dynamics contacts rows solution step);
-groups!(f32_native, F32, Native, F32: kinematics dynamics contacts rows solution step);
-groups!(f32_scalar, F32, Scalar, F32: kinematics dynamics contacts rows solution step);
+groups!(f64_wide, F64, Wide, F64: kinematics moments dynamics contacts rows solution step);
+groups!(f64_native, F64, Native, F64: kinematics moments dynamics contacts rows solution step);
+groups!(f64_scalar, F64, Scalar, F64: kinematics moments dynamics contacts rows solution step);
+groups!(f32_wide, F32, Wide, F32: kinematics moments dynamics contacts rows solution step);
+groups!(f32_native, F32, Native, F32: kinematics moments dynamics contacts rows solution step);
+groups!(f32_scalar, F32, Scalar, F32: kinematics moments dynamics contacts rows solution step);
 
 fn numbers(data: &ArrayData) -> Vec<f64> {
     match data {

@@ -109,7 +109,7 @@ pub fn smooth<L: Lane>(
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {
-        findings.bad_controls = actuation::actuation(model, state, passive, actuation);
+        findings.bad_controls = actuation::actuation(model, state, (position, tendons, passive), actuation);
         end(Stage::Actuation);
     }
     if runs(Stage::Derivative) {
@@ -155,6 +155,10 @@ pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
             "derivative.inverse",
         ],
     };
+    // The integration reads them.
+    if model.sizes.na > 0 {
+        all.push("actuation.act_dot");
+    }
     // Rows of equality constraints read accelerations of links.
     if !model.equalities.is_empty() {
         all.push("velocity.cacc");

@@ -58,7 +58,7 @@ impl Stage {
             Velocity => &[Position, Tendon, Inertia],
             Stage::Energy => &[Position, Tendon, Inertia],
             Constraint => &[Position, Tendon, Collision, Velocity],
-            Actuation => &[Tendon, Passive],
+            Actuation => &[Position, Tendon, Passive],
             Stage::Derivative => &[Inertia, Velocity, Passive, Actuation],
             // In the metric of discrete steps.
             Acceleration => &[Inertia, Velocity, Passive, Actuation, Stage::Derivative],

@@ -257,10 +257,8 @@ class _Writer:
         active: dict[str, Any] = {}
         if dynamic:
             active = dict(
-                dynprm=m.actuator_dynprm[a],
                 actlimited=bool(m.actuator_actlimited[a]),
                 actrange=m.actuator_actrange[a] if m.actuator_actrange[a].any() else None,
-                actearly=True if m.actuator_actearly[a] else None,
                 actdim=m.actuator_actnum[a] if m.actuator_actnum[a] != 1 else None,
             )
         self.spec.actuator.add(
@@ -269,6 +267,8 @@ class _Writer:
             gaintype=GAINS[int(m.actuator_gaintype[a])],
             biastype=BIASES[int(m.actuator_biastype[a])],
             dyntype=DYNAMICS[dynamic],
+            dynprm=m.actuator_dynprm[a],
+            actearly=True if m.actuator_actearly[a] else None,
             gainprm=m.actuator_gainprm[a],
             biasprm=m.actuator_biasprm[a],
             ctrllimited=bool(m.actuator_ctrllimited[a]),
@@ -280,6 +280,7 @@ class _Writer:
             damping=(
                 _series(m.actuator_damping[a], m.actuator_dampingpoly[a]) if _any(m, "actuator_damping", a) else None
             ),
+            lengthrange=m.actuator_lengthrange[a] if m.actuator_lengthrange[a].any() else None,
             delay=m.actuator_delay[a] or None,
             group=m.actuator_group[a],
             **where,

@@ -124,8 +124,8 @@ def test_changes_after_loading_count() -> None:
         ),
         (
             "",
-            "<actuator><motor site='s' gear='0 0 1 0 0 0'/></actuator>",
-            "MjModel: general.*: transmission through a site",
+            "<actuator><general body='b'/></actuator>",
+            "MjModel: general.*: transmission through a body",
         ),
         ("<option><flag sleep='enable'/></option>", "", "sleeping trees"),
     ],

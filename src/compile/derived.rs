@@ -5,12 +5,14 @@
 //! them accurate on long chains; they are shifted on the way from link to link.
 
 use glam::{DMat3, DQuat, DVec3};
-use lanesim_kernels::model::{Dof, DofKind, Joint, JointKind, Link, NONE};
+use lanesim_kernels::model::{Dof, DofKind, Joint, JointKind, Link, MomentDof, NONE};
 
 use super::heavy::Heavy;
 use super::links::Links;
 use super::order::Scene;
+use super::response::Response;
 use super::pose::{rotation, skew, unit_quat};
+use crate::spec;
 
 /// A motion or a force: rotational and translational part.
 #[derive(Clone, Copy, Debug)]
@@ -109,8 +111,6 @@ pub(super) struct Hinge {
 pub(crate) struct Derived {
     /// The backward quantities of every dof.
     pub(super) hinges: Vec<Hinge>,
-    /// Orientation of every link.
-    orientations: Vec<DQuat>,
     /// Diagonal of the inertia matrix.
     pub dof_m0: Vec<f64>,
     /// Inverse weight of each dof, the mean over the dofs of a rotation or translation.
@@ -152,7 +152,7 @@ impl Derived {
             body_invweight0[b] = [weight, 0.0];
             dof_invweight0[table[links.body_link[b] as usize].dofs.range()].fill(weight);
         }
-        Derived { hinges, orientations, dof_m0, dof_invweight0, body_invweight0, heavy: None }
+        Derived { hinges, dof_m0, dof_invweight0, body_invweight0, heavy: None }
     }
 
     /// Takes armature of tendons into account.
@@ -172,6 +172,14 @@ impl Derived {
         }
         self.dof_invweight0 = weights;
         self.heavy = Some(heavy);
+    }
+
+    /// What a force on some dofs accelerates, where tendons have armature.
+    pub(super) fn heavy_response(&self, dofs: &[MomentDof], moment: &[f64]) -> Option<Response> {
+        let force = || dofs.iter().map(|entry| entry.dof as usize).zip(moment.iter().copied());
+        let qacc = self.heavy.is_some().then(|| self.response(force()))?;
+        let along = force().map(|(dof, x)| x * qacc[dof]).sum();
+        Some(Response { norm: qacc.iter().map(|a| a * a).sum::<f64>().sqrt(), along })
     }
 
     /// Accelerations of all dofs that a generalised force causes, given where it acts.
@@ -201,11 +209,6 @@ impl Derived {
             motion.push(own);
         }
         left
-    }
-
-    /// Orientation of a link in the reference configuration.
-    pub fn orientation(&self, link: u32) -> DQuat {
-        self.orientations[link as usize]
     }
 }
 
@@ -344,24 +347,38 @@ fn average(weights: &mut [f64], joints: &[Joint<f64>]) {
     }
 }
 
-/// Whether a body only slides: on the world, alone, along coordinate axes, with its frame in its centre of mass and along
-/// its principal axes. MuJoCo gives such bodies the inverse of their mass as weight, in every direction and without
-/// armature.
+/// Whether a body only slides, and is simple. MuJoCo gives such bodies the inverse of their mass as weight, in every direction and
+/// without armature.
 fn is_slider(scene: &Scene, links: &Links, b: usize) -> bool {
+    let slides = scene.joints[scene.bodies[b].joints.clone()].iter().all(|j| j.spec.kind == spec::JointKind::Slide);
+    slides && is_simple(scene, links, b)
+}
+
+/// Whether a body moves on the world, alone, along and about coordinate axes, and turns last, with its frame in its centre of mass and
+/// along its principal axes. MuJoCo keeps only the diagonal of the inertia matrix of such bodies, and of what is added to it.
+pub(super) fn is_simple(scene: &Scene, links: &Links, b: usize) -> bool {
     const NEAR: f64 = 1e-6;
     let body = &scene.bodies[b];
-    let sliding = |j: &super::order::Joint| {
-        let off_axis = j.spec.axis.iter().filter(|x| x.abs() > 1e-14 * DVec3::from(j.spec.axis).length()).count() > 1;
-        j.spec.kind == crate::spec::JointKind::Slide && !off_axis && j.spec.pos.iter().all(|x| x.abs() < NEAR)
+    let along_axes = |j: &super::order::Joint| {
+        let aside = j.spec.axis.iter().filter(|x| x.abs() > 1e-14 * DVec3::from(j.spec.axis).length()).count() > 1;
+        let centred = j.spec.pos.iter().all(|x| x.abs() < NEAR);
+        match j.spec.kind {
+            spec::JointKind::Slide | spec::JointKind::Hinge => centred && !aside,
+            spec::JointKind::Ball => centred,
+            spec::JointKind::Free => true,
+        }
     };
     let frame = &body.mass.frame;
     let turned = DVec3::new(frame.quat.x, frame.quat.y, frame.quat.z);
+    let joints = &scene.joints[body.joints.clone()];
+    let before_last = &joints[..joints.len().saturating_sub(1)];
     // Bodies are numbered depth first: a child would be next.
     let lone = scene.bodies.get(b + 1).is_none_or(|next| next.parent != b);
     b > 0
         && lone
-        && !body.joints.is_empty()
-        && scene.joints[body.joints.clone()].iter().all(sliding)
+        && !joints.is_empty()
+        && joints.iter().all(along_axes)
+        && before_last.iter().all(|j| j.spec.kind == spec::JointKind::Slide)
         && links.links[links.body_link[b] as usize].parent == NONE
         && frame.pos.abs().max_element() < NEAR
         && turned.abs().max_element() < NEAR

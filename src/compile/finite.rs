@@ -79,6 +79,9 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     }
     for (i, (entry, actuator)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
         at((&actuator.source, label("actuator", &actuator.name, i)), entry.overflow());
+        for mount in &tables.mounts[entry.mounts.range()] {
+            at((&actuator.source, label("actuator", &actuator.name, i)), mount.overflow());
+        }
     }
     let world = || (&scene.bodies[0].spec.source, "model".to_string());
     at(world(), (!tables.mean_inertia.representable()).then_some("mean inertia"));

@@ -16,6 +16,7 @@ mod heavy;
 mod inertia;
 mod joints;
 mod keys;
+mod lengthrange;
 mod links;
 mod meshes;
 mod names;
@@ -78,11 +79,12 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
 
     let names = element_names(spec, &scene);
     let links = Links::new(&scene);
-    let targets = actuators::targets(spec, &names.joints);
+    let targets = actuators::targets(spec, &names);
     let reflected = actuators::reflected(spec, &targets, scene.joints.len());
     let mut joints = joints::joints(&scene, &links);
     let mut dofs = joints::dofs(&scene, &links, &reflected);
-    let mut tendons = Tendons::new(spec, &scene, &links, (&joints, &dofs), &names);
+    let on_tendons = actuators::reflected_on_tendons(spec, &targets);
+    let mut tendons = Tendons::new(spec, &scene, &links, (&joints, &dofs), &names, &on_tendons);
     tendons.check_discrete(spec, &mut diagnostics);
     let mut derived = derived::Derived::new(&scene, &links, &joints, &dofs);
     if let Some(heavy) = tendons.heavy(&scene, &links, (&joints, &dofs)) {
@@ -97,7 +99,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
             joints::set_damping(dof, [damping, 0.0, 0.0], &reflected[j]);
         }
     }
-    let actuators = actuators::actuators(spec, &scene, &targets, &joints, &derived);
+    let actuators = actuators::actuators(spec, (&scene, &links, &tendons), &targets, &joints, &dofs);
     let weights = &derived.body_invweight0;
     let pairs = pairs::pairs(spec, &scene, &links, &dofs, weights, (&names.geoms, &meshes), &mut diagnostics);
     let equalities =
@@ -147,6 +149,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
         fluids: fluids(&spec.option, &links, &scene),
         actuators: actuators.table.clone(),
+        mounts: actuators.mounts.clone(),
+        moment_dofs: actuators.moment_dofs.clone(),
+        muscles: Vec::new(),
         rows,
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
@@ -159,12 +164,14 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
     let mut tables = kernel::Model { tree_pattern, levers, ..tables };
     tables.blur = blur(&tables);
+    let mut diagnostics = Diagnostics::default();
+    let constants = actuators::constants(spec, &derived, &mut tables, &mut diagnostics);
     // What is implicit needs the matrix.
     if articulated::pays(&tables) && !Stage::Derivative.present(&tables) {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
     }
-    let mut diagnostics = Diagnostics::default();
     finite::check(spec, &scene, &tables, &derived, &mut diagnostics);
+    actuators::check_discrete(spec, &tables, &mut diagnostics);
     diagnostics.into_result()?;
     notes.extend(equality::notes(spec, &tables));
     let arrays = arrays::arrays(&arrays::Sources {
@@ -173,8 +180,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         links: &links,
         tables: &tables,
         derived: &derived,
-        actuators: &actuators,
         tendons: &tendons,
+        actuators: (&actuators, &targets, &constants),
         held: &equalities.held,
         geom_names: &names.geoms,
         keys: &keys,
@@ -193,6 +200,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
             frictions: pairs.frictions,
             spring_dampers: scene.joints.iter().any(|joint| joint.spec.springdamper[0] > 0.0),
             spec: spec.clone(),
+            scaled_muscles: spec.actuators.iter().any(actuators::is_scaled_muscle),
             damping_ratios: spec.actuators.iter().any(|actuator| actuator.dampratio > 0.0),
         },
     }))
@@ -277,8 +285,8 @@ fn sizes(
         nq: scene.nq,
         nv: scene.nv,
         nu: actuators.table.len(),
-        nmoment: actuators.nmoment,
-        na: 0,
+        nmoment: actuators.moment_dofs.len(),
+        na: actuators.na,
         nbody: scene.bodies.len(),
         njnt: scene.joints.len(),
         ngeom: scene.geoms.len(),

@@ -1,6 +1,7 @@
 //! What the compiler tells the user about a model that it accepts.
 
 use super::constraints::raised;
+use super::keys;
 use super::links::Links;
 use super::names::label;
 use super::order::Scene;
@@ -84,6 +85,7 @@ fn empty_ranges(spec: &Spec, scene: &Scene) -> List {
         let at = (&actuator.source, &*label("actuator", &actuator.name, i));
         check(at, "ctrlrange", actuator.ctrlrange, actuator.ctrllimited);
         check(at, "forcerange", actuator.forcerange, actuator.forcelimited);
+        check(at, "actrange", actuator.actrange, actuator.actlimited);
     }
     list
 }
@@ -122,7 +124,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("nq", scene.nq),
         ("nv", scene.nv),
         ("nu", spec.actuators.len()),
-        ("na", 0),
+        ("na", keys::activations(spec)),
         ("nbody", scene.bodies.len()),
         ("njnt", scene.joints.len()),
         ("ngeom", scene.geoms.len()),

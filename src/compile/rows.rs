@@ -86,6 +86,7 @@ mod tests {
             link: 0,
             joint: 0,
             parent,
+            simple: false,
             damped: false,
             free_base: NONE,
             damping_linear: true,

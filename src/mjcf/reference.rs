@@ -94,7 +94,10 @@ pub(super) struct Entry {
 impl Refers for Entry {
     fn targets(&mut self) -> Vec<(Space, &mut String)> {
         match &mut self.actuator.transmission {
-            Transmission::Joint(joint) | Transmission::JointInParent(joint) => vec![(Space::Joint, joint)],
+            Transmission::Joint(joint) | Transmission::JointInParent(joint) => all(Space::Joint, [joint]),
+            Transmission::Site { site, reference } => all(Space::Site, std::iter::once(site).chain(reference)),
+            Transmission::SliderCrank { crank, slider, .. } => all(Space::Site, [crank, slider]),
+            Transmission::Tendon(tendon) => all(Space::Tendon, [tendon]),
         }
     }
     fn name(&mut self) -> &mut String {

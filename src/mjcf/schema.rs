@@ -64,13 +64,14 @@ const LAW: &str = "active solref solimp";
 /// What every actuator but the newest kinds has.
 const ACTUATOR: &str = "armature cranklength ctrllimited ctrlrange damping delay forcelimited forcerange gear group \
     interp nsample user";
-const TRANSMISSION: &str = "cranksite joint jointinparent lengthrange name class refsite site slidersite tendon";
+const TRANSMISSION: &str = "cranksite joint jointinparent lengthrange name class slidersite tendon";
+const SITES: &str = "refsite site";
 const GENERAL: &str = "actdim actearly actlimited actrange biasprm biastype dynprm dyntype ffrange gainprm gaintype \
     inheritrange input velrange";
 const POSITION: &str = "dampratio inheritrange kp kv timeconst";
 const INTVELOCITY: &str = "actlimited actrange dampratio inheritrange kp kv";
 const CYLINDER: &str = "area bias diameter timeconst";
-const MUSCLE: &str = "force fpmax fvmax lmax lmin range scale tausmooth timeconst vmax";
+const MUSCLE: &str = "force fpmax fvmax lmax lmin range scale timeconst vmax";
 
 static MUJOCO: Rule = Rule {
     tag: "mujoco",
@@ -231,14 +232,14 @@ static EQUALITY: Rule = section(
 static ACTUATORS: Rule = section(
     "actuator",
     &[
-        &leaf("general", &[ACTUATOR, TRANSMISSION, GENERAL, "body"]),
-        &leaf("motor", &[ACTUATOR, TRANSMISSION]),
-        &leaf("position", &[ACTUATOR, TRANSMISSION, POSITION]),
-        &leaf("velocity", &[ACTUATOR, TRANSMISSION, "kv"]),
-        &leaf("intvelocity", &[ACTUATOR, TRANSMISSION, INTVELOCITY]),
-        &leaf("damper", &[ACTUATOR, TRANSMISSION, "kv"]),
-        &leaf("cylinder", &[ACTUATOR, TRANSMISSION, CYLINDER]),
-        &leaf("muscle", &[ACTUATOR, TRANSMISSION, MUSCLE]),
+        &leaf("general", &[ACTUATOR, TRANSMISSION, SITES, GENERAL, "body"]),
+        &leaf("motor", &[ACTUATOR, TRANSMISSION, SITES]),
+        &leaf("position", &[ACTUATOR, TRANSMISSION, SITES, POSITION]),
+        &leaf("velocity", &[ACTUATOR, TRANSMISSION, SITES, "kv"]),
+        &leaf("intvelocity", &[ACTUATOR, TRANSMISSION, SITES, INTVELOCITY]),
+        &leaf("damper", &[ACTUATOR, TRANSMISSION, SITES, "kv"]),
+        &leaf("cylinder", &[ACTUATOR, TRANSMISSION, SITES, CYLINDER]),
+        &leaf("muscle", &[ACTUATOR, TRANSMISSION, MUSCLE, "tausmooth"]),
         &opaque("adhesion"),
         &opaque("dcmotor"),
         &opaque("pid"),

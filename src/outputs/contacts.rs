@@ -5,7 +5,6 @@ use lanesim_kernels::collision::reference;
 use lanesim_kernels::constraint::{Cone, ContactRow, DofLaw, DofRowKind, Law};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Equality, EqualityKind, NONE, Pair, Quantity, Sides};
-use lanesim_kernels::position::origin;
 use lanesim_kernels::tendon;
 
 use super::World;
@@ -102,7 +101,7 @@ pub(super) fn distance<L: LaneQuery>(world: World<'_, L>, contact: &Contact) -> 
 
 /// Place in the world, m.
 pub(super) fn position<L: LaneQuery>(world: World<'_, L>, contact: &Contact) -> DVec3 {
-    let at = origin(world.tables, &world.workspace.position, reference(pair(world, contact)));
+    let at = world.workspace.position.origin_of(world.tables, reference(pair(world, contact)));
     world.vector(&world.workspace.collision.contact(contact.index).pos()[..]) + world.vector(&at[..])
 }
 

@@ -59,6 +59,7 @@ impl Dim {
 const NV: Dim = Dim::Of("nv", |sizes| sizes.nv);
 const NTENDON: Dim = Dim::Of("ntendon", |sizes| sizes.ntendon);
 const NU: Dim = Dim::Of("nu", |sizes| sizes.nu);
+const NA: Dim = Dim::Of("na", |sizes| sizes.na);
 const NBODY: Dim = Dim::Of("nbody", |sizes| sizes.nbody);
 const NGEOM: Dim = Dim::Of("ngeom", |sizes| sizes.ngeom);
 const NSITE: Dim = Dim::Of("nsite", |sizes| sizes.nsite);
@@ -299,6 +300,16 @@ impl<L: LaneQuery> Table<L> {
         Entry::of("actuator_force", &[NU], ("actuator forces", ""), Stage::Actuation, |w, _, out| {
             w.numbers(&w.workspace.actuation.force, w.tables.sizes.nu, out);
         }),
+        Entry::of("act_dot", &[NA], ("rates of activations", "1/s"), Stage::Actuation, |w, _, out| {
+            w.numbers(&w.workspace.actuation.act_dot, w.tables.sizes.na, out);
+        }),
+        Entry::of(
+            "actuator_moment",
+            &[NU, NV],
+            ("generalised force per unit of force of each actuator", ""),
+            Stage::Actuation,
+            forces::moments,
+        ),
         Entry::of("qfrc_actuator", &[NV], ("generalised force of actuators", FORCE), Stage::Actuation, |w, _, out| {
             w.numbers(&w.workspace.actuation.qfrc_actuator, w.tables.sizes.nv, out)
         }),

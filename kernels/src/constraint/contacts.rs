@@ -10,7 +10,7 @@ use crate::math::spatial::{Spatial, dot6};
 use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
 use crate::model::{Impedance, Instance, Model, NONE, Pair, PairDof, Sides};
 use crate::options;
-use crate::position::{Position, origin};
+use crate::position::Position;
 use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
@@ -225,7 +225,7 @@ pub fn measure<L: Lane>(
     if row.sides == Sides::One {
         return still_side(&grip, contact, &velocity.cvel[row.link as usize], out);
     }
-    let shift = sub(&origin(&model, position, pair.link2), &origin(&model, position, pair.link1));
+    let shift = sub(&position.origin_of(&model, pair.link2), &position.origin_of(&model, pair.link1));
     let at = if row.sides == Sides::Two { contact.pos() } else { add(&contact.pos(), &shift) };
     both_sides(&grip, contact, &at, dofs, (&position.cdof, qvel), jacobian, out);
 }

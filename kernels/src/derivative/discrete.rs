@@ -2,10 +2,10 @@
 //! against displacement, both where they hold and do not push. The force is taken where the step ends, -h K v further.
 
 use super::Stages;
-use super::actuators::{Gain, gains};
+use super::actuators::{Gain, gains, products};
 use crate::lane::Lane;
 use crate::math::vec3::norm;
-use crate::model::{Features, Instance, Joint, JointKind, Model, Tendon};
+use crate::model::{Features, Instance, Joint, JointKind, Model, MomentDof, Tendon};
 use crate::passive::{damper_slope, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest};
 use crate::state::State;
 use crate::tendon::{self, Tendons};
@@ -40,20 +40,19 @@ pub(super) fn add<L: Lane>(
     }
     tendons(&model, stages.tendons, h, (matrix, pull));
     if model.features.actuation {
-        gains(model, state, stages.actuation, |Gain { dof, moment, length, velocity }| {
+        gains(model, stages.actuation, |Gain { dofs, moment, length, velocity }| {
             let (spring, damper) = ((-length).max(L::zero()), (-velocity).max(L::zero()));
             let (held, both) = (h * spring, h * h.mul_add(spring, damper));
-            joined[dof] = L::select(both.gt(L::zero()), L::one(), joined[dof]);
             let mut speed = L::zero();
-            for (i, m) in moment.iter().enumerate() {
-                speed = m.mul_add(state.qvel[dof + i], speed);
-                for j in 0..=i {
-                    let entry = &mut matrix[model.rows.at(dof + i, dof + j)];
-                    *entry = (both * moment[i]).mul_add(moment[j], *entry);
-                }
+            for (m, MomentDof { dof, .. }) in moment.iter().zip(dofs) {
+                let dof = *dof as usize;
+                joined[dof] = L::select(both.gt(L::zero()), L::one(), joined[dof]);
+                speed = m.mul_add(state.qvel[dof], speed);
             }
-            for (i, m) in moment.iter().enumerate() {
-                pull[dof + i] = (held * speed).mul_add(*m, pull[dof + i]);
+            products(model, dofs, |at, [i, j]| matrix[at] = (both * moment[i]).mul_add(moment[j], matrix[at]));
+            for (m, MomentDof { dof, .. }) in moment.iter().zip(dofs) {
+                let pull = &mut pull[*dof as usize];
+                *pull = (held * speed).mul_add(*m, *pull);
             }
         });
     }

@@ -34,7 +34,7 @@ fields! {
         pub metric: Vec<L> = sizes.nm,
         /// What the force loses on the way of a discrete step, h K v.
         pub pull: Vec<L> = sizes.nv,
-        /// By a joint's first dof, 1 in worlds in which an actuator holds it in a discrete step.
+        /// By dof, 1 in worlds in which an actuator holds it in a discrete step.
         pub joined: Vec<L> = sizes.nv,
         /// Reciprocals of the factors' pivots.
         pub inverse: Vec<L> = sizes.nv,
@@ -112,7 +112,7 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
     }
     fluid::add_slope(&model, stages.position, stages.velocity, h, &mut out.lower);
     if model.features.actuation && !discrete {
-        actuators::add(model, state, stages.actuation, h, &mut out.lower);
+        actuators::add(model, stages.actuation, h, &mut out.lower);
     }
     let Derivative { lower, upper, turn, gain, .. } = out;
     if !upper.is_empty() {

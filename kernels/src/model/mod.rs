@@ -54,7 +54,7 @@ pub struct Sizes {
     pub nv: usize,
     /// Controls.
     pub nu: usize,
-    /// Actuator moments: the sum of the degrees of freedom of the actuators' joints.
+    /// Actuator moments: the sum of the degrees of freedom on which actuators act.
     pub nmoment: usize,
     /// Activations.
     pub na: usize,
@@ -198,6 +198,12 @@ pub struct Model<T> {
     pub friction_losses: Vec<FrictionLoss<T>>,
     /// Actuators.
     pub actuators: Vec<Actuator<T>>,
+    /// Frames on which they act.
+    pub mounts: Vec<Mount<T>>,
+    /// Degrees of freedom on which they act.
+    pub moment_dofs: Vec<MomentDof>,
+    /// Gains and biases of muscles.
+    pub muscles: Vec<Muscle<T>>,
     /// Storage of the inertia matrix and of the solver's Hessian.
     pub rows: Rows,
     /// Sparsity of the inertia matrix: row `i` has the ancestors of dof `i`.
@@ -273,6 +279,9 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             eq_active0: self.eq_active0.cast(),
             friction_losses: self.friction_losses.cast(),
             actuators: self.actuators.cast(),
+            mounts: self.mounts.cast(),
+            moment_dofs: self.moment_dofs.clone(),
+            muscles: self.muscles.cast(),
             rows: self.rows.clone(),
             tree_pattern: self.tree_pattern.clone(),
             mean_inertia: self.mean_inertia.cast(),

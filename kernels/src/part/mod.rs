@@ -284,11 +284,11 @@ parts! {
         |_, step, item, _| row(step, item, |problem, row, work| solver::couple_row(problem, row, work));
     /// The step of an integrator that evaluates once, and [`integration::commit`]: worlds that take the next state.
     Integrate: "integration", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
-        changes ["state.qpos", "state.qvel", "state.qacc_warmstart", "state.time", "integration.qpos", "integration.qvel",
-            "integration.qacc"],
+        changes ["state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time", "integration.qpos",
+            "integration.qvel", "integration.act", "integration.qacc"],
         |_, step, _, (alive, put)| {
             let Step { model, state, ws, .. } = step;
-            let Workspace { position, inertia, acceleration, derivative, solver, integration: next, .. } = &mut **ws;
+            let Workspace { position, inertia, actuation, acceleration, derivative, solver, integration: next, .. } = &mut **ws;
             let solver::Solver { qacc, qfrc_constraint, .. } = &solver.fields;
             let forces = [&acceleration.qfrc_smooth[..], qfrc_constraint];
             if matches!(model.options.integrator, Integrator::Implicit | Integrator::ImplicitFast) {
@@ -296,6 +296,7 @@ parts! {
             } else {
                 integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
             }
+            integration::activations(model, &state.act, &actuation.act_dot, &mut next.act);
             put(integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state));
         };
 }

@@ -31,6 +31,14 @@ fields! {
     } L
 }
 
+impl<L: Lane> Position<L> {
+    /// Origin of the tree of a link, that of the world for [`NONE`].
+    #[inline(always)]
+    pub fn origin_of(&self, model: &Model<L::Real>, link: u32) -> Vec3<L> {
+        if link == NONE { zero() } else { self.origin[model.links[link as usize].tree as usize] }
+    }
+}
+
 /// Poses of all links from positions `qpos` (quaternions of any positive length).
 pub fn kinematics<L: Lane>(model: Instance<'_, L>, qpos: &[L], position: &mut Position<L>) {
     for (l, link) in model.links.iter().enumerate() {

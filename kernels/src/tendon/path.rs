@@ -7,7 +7,7 @@ use crate::math::vec3::{
     Mat3, Vec3, add, cross, mul, mul_add, mul_mat, mul_t, neg, normalize, scale, select, splat, sub, zero,
 };
 use crate::model::{Model, NONE, Passes, Stretch, Tendon};
-use crate::position::{Position, origin};
+use crate::position::Position;
 
 /// Length of a spatial tendon; sets its part of the Jacobian.
 pub(super) fn measure<L: Lane>(
@@ -64,7 +64,7 @@ fn between<L: Lane>(
     if tree(model, to_link) == tree(model, from_link) {
         return own;
     }
-    add(&sub(&origin(model, position, to_link), &origin(model, position, from_link)), &own)
+    add(&sub(&position.origin_of(model, to_link), &position.origin_of(model, from_link)), &own)
 }
 
 /// Length of a piece, and for a unit of tension along the tendon what pushes each of its links outwards, at the origin of the link's tree.

@@ -10,6 +10,7 @@ use lanesim_kernels::options::Integrator;
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::tendon::{self, Tendons as Stage};
 
+use super::actuators::Reflected;
 use super::bounds;
 use super::derived::Derived;
 use super::equality::{Equalities, joins};
@@ -62,11 +63,12 @@ impl Tendons {
         links: &Links,
         (joints, dofs): (&[Joint<f64>], &[Dof<f64>]),
         names: &ElementNames,
+        reflected: &[Reflected],
     ) -> Tendons {
         let mut out = Tendons::default();
         let places = Places { scene, links, names, dofs };
-        for tendon in &spec.tendons {
-            out.add(tendon, places);
+        for (tendon, reflected) in spec.tendons.iter().zip(reflected) {
+            out.add(tendon, places, reflected);
         }
         if out.table.is_empty() {
             return out;
@@ -81,7 +83,7 @@ impl Tendons {
         out
     }
 
-    fn add(&mut self, written: &spec::Tendon, places: Places) {
+    fn add(&mut self, written: &spec::Tendon, places: Places, reflected: &Reflected) {
         let first = self.stretches.len();
         let (start, points) = (self.dofs.len(), self.points.len());
         match &written.path {
@@ -101,6 +103,8 @@ impl Tendons {
         self.counts.push(self.points.len() - points);
         let span = |start: usize, end: usize| Span { start: start as u32, len: (end - start) as u32 };
         let dofs: Vec<u32> = self.dofs[start..].iter().map(|entry| entry.dof).collect();
+        let armature = written.armature + reflected.armature;
+        let damping: [f64; 3] = std::array::from_fn(|k| written.damping[k] + reflected.damping[k]);
         let force_range = written.actuatorfrcrange.unwrap_or_default();
         let limited = is_limited(written.actuatorfrcrange, written.actuatorfrclimited);
         self.table.push(Tendon {
@@ -108,14 +112,14 @@ impl Tendons {
             stretches: span(first, self.stretches.len()),
             cross: joins(places.dofs, &dofs),
             spring: written.stiffness != [0.0; 3],
-            damped: written.damping != [0.0; 3],
-            damping_linear: written.damping[1..] == [0.0; 2],
-            heavy: written.armature > 0.0,
+            damped: damping != [0.0; 3],
+            damping_linear: damping[1..] == [0.0; 2],
+            heavy: armature > 0.0,
             force_limited: limited && !bounds::are_none(force_range),
             rest: written.springlength,
             stiffness: written.stiffness,
-            damping: written.damping,
-            armature: written.armature,
+            damping,
+            armature,
             force_range: bounds::of_clamp(force_range),
         });
     }

@@ -8,8 +8,6 @@ const FILES: &str = "only for files that are not there in this test";
 const SAVING: &str = "only for saving and attaching models";
 const USER: &str = "numbers for the user's own code, of which there is none here";
 const MEMORY: &str = "rooms are sized by the model";
-const STATELESS: &str = "acts on an activation only, which is not built";
-const MUSCLES: &str = "only muscles need ranges of lengths";
 const MESHES: &str =
     "only for shapes of meshes, of which there is none in this test, and height fields, which are not built";
 const SPEED: &str = "only steers speed";
@@ -21,7 +19,6 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("compiler", "conflict passthrough savecanonical savecompiled saveinertial", SAVING),
     ("compiler", "coordinate", "local is the only value that is supported, and the default"),
     ("compiler", "usethread", SPEED),
-    ("lengthrange", "*", MUSCLES),
     ("option", "jacobian sdf_initpoints sdf_iterations sleep_tolerance", SPEED),
     ("size", "memory nconmax njmax nstack", MEMORY),
     (
@@ -38,14 +35,11 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("body", "sleep", "only for sleeping, which is not built"),
     ("body", "simple", SPEED),
     ("custom numeric text tuple element", "*", USER),
-    ("*", "lengthrange", MUSCLES),
     ("*", "interp nsample", "only for delays, which are not built"),
-    ("general", "dynprm actearly", STATELESS),
     ("damper", "ctrllimited", "the control of a damper is always limited"),
     ("default", "cranklength", "only for slider-cranks, which are reported where they are used"),
     ("default", "class", "a name, which acts through the elements that give it"),
     ("frame", "name", "frames are gone once their poses are applied"),
-    ("intvelocity cylinder muscle", "*", "the element is reported as not supported"),
 ];
 
 /// Whether a list of words, or of all (`*`), has a word.
@@ -90,7 +84,7 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
         "pair" => &[("geom1", "g"), ("geom2", "h")],
         "exclude" => &[("body1", "a"), ("body2", "world")],
         "general" => &[("joint", "j"), ("biastype", "affine"), ("gainprm", "2"), ("biasprm", "0 -2")],
-        "motor" | "position" | "velocity" => &[("joint", "j")],
+        "motor" | "position" | "velocity" | "intvelocity" | "cylinder" | "muscle" => &[("joint", "j")],
         "damper" => &[("joint", "j"), ("ctrlrange", "0 1")],
         _ => &[],
     }

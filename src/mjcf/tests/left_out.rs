@@ -59,10 +59,9 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
     let several = "an actuator with several inputs is";
     check("<general joint='j' velrange='-1 1'/>", &format!("general: attribute \"velrange\": {several}"));
     check("<general joint='j' ffrange='-1 1'/>", &format!("general: attribute \"ffrange\": {several}"));
-    check("<general joint='j' gaintype='muscle'/>", "general: gaintype \"muscle\" is");
+    check("<general joint='j' gaintype='dcmotor'/>", "general: gaintype \"dcmotor\" is");
     check("<general joint='j' biastype='user'/>", "general: biastype \"user\" is");
-    check("<general joint='j' dyntype='filter'/>", "general: attribute \"dyntype\": an activation state is");
-    check("<position joint='j' timeconst='1'/>", "position: attribute \"timeconst\": an activation state is");
+    check("<general joint='j' dyntype='user'/>", "general: dyntype \"user\" is");
     check("<motor joint='j' delay='.1'/>", "motor: attribute \"delay\": a delay is");
     check(
         "<general joint='j' input='pos vel'/>",
@@ -190,7 +189,8 @@ fn saved_actuators_are_read() {
     let class = "<default><default class='servo'><general input='pos' biastype='affine' gainprm='6' \
         biasprm='0 -6 -0.3'/></default></default>";
     let reset = "<general class='servo' joint='j' input='' biastype='none' gainprm='1' biasprm='0 0 0'/>";
-    let motor = ([1.0, 0.0, 0.0], [0.0; 3], 0.0);
+    let plain = crate::spec::Actuator::default();
+    let motor = (plain.gainprm, plain.biasprm, 0.0);
     assert_eq!(gains(&format!("{class}<actuator>{reset}</actuator>")), motor);
 }
 

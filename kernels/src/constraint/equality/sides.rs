@@ -6,7 +6,6 @@ use crate::math::quat::{self, Quat};
 use crate::math::spatial::{Spatial, lin, rot};
 use crate::math::vec3::{Mat3, Vec3, add, cross, cross_add, dot, mul_add, mul_t, scale, splat, sub, zero};
 use crate::model::{Equality, EqualityKind, Instance, NONE};
-use crate::position::origin;
 
 /// The two points, and what the rows of orientation are made of.
 pub(super) struct Sides<L> {
@@ -104,7 +103,7 @@ pub(super) fn held<L: Lane>(
         if link == NONE { own } else { mul_add(&position.rot[link as usize], &own, &position.pos[link as usize]) }
     };
     let points = [point(0), point(1)];
-    let [first, second] = equality.links.map(|link| origin(&model, position, link));
+    let [first, second] = equality.links.map(|link| position.origin_of(&model, link));
     let off = add(&sub(&first, &second), &sub(&points[0], &points[1]));
     let turn = (equality.kind == EqualityKind::Weld).then(|| Turn::new(equality, quats));
     let sides = Sides { points, turn };
