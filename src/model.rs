@@ -41,6 +41,8 @@ pub(crate) struct Basis {
     pub spring_dampers: bool,
     /// What the model was compiled from.
     pub spec: Spec,
+    /// Whether some muscle's force follows from inertias.
+    pub scaled_muscles: bool,
     /// Whether some actuator's bias follows from its gain and from inertias, by `dampratio`.
     pub damping_ratios: bool,
 }
@@ -125,6 +127,8 @@ pub struct ElementNames {
     pub geoms: Names,
     /// Sites.
     pub sites: Names,
+    /// Tendons.
+    pub tendons: Names,
     /// Equality constraints.
     pub equalities: Names,
     /// Actuators.

@@ -83,6 +83,7 @@ impl Plan {
                     "no free or ball joint",
                 ),
             ],
+            Stage::Tendon => vec![count(name, sizes.ntendon, "tendons", "no tendon")],
             Stage::Collision => {
                 let contact = flags.contact && flags.constraint;
                 let all = sizes.ngeom * sizes.ngeom.saturating_sub(1) / 2;
@@ -109,13 +110,17 @@ impl Plan {
                 count(
                     "  limits",
                     tables.limits.len(),
-                    "joints",
-                    unless(flags.limit && flags.constraint, "limits are switched off", "no joint has a limit"),
+                    "joints and tendons",
+                    unless(
+                        flags.limit && flags.constraint,
+                        "limits are switched off",
+                        "no joint or tendon has a limit",
+                    ),
                 ),
                 count(
                     "  dry friction",
                     tables.friction_losses.len(),
-                    "dofs",
+                    "dofs and tendons",
                     unless(flags.frictionloss && flags.constraint, "dry friction is switched off", "no frictionloss"),
                 ),
             ],

@@ -5,17 +5,21 @@
 //! kept in the order in which they were written. `compile` turns a `Spec` into a [`Model`](crate::Model) and is the only
 //! place that rejects one.
 
+mod actuator;
 mod equality;
 mod mesh;
 mod sensor;
+mod tendon;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+pub use actuator::{Actuator, Bias, Dynamics, Gain, LengthRange, LengthRangeMode, Transmission};
 pub use equality::{Equality, Held};
 pub use lanesim_kernels::options::Options;
 pub use mesh::{Mesh, MeshInertia, Triangles};
 pub use sensor::{DataType, NeedStage, Object, ObjectKind, Sensor, SensorKind};
+pub use tendon::{Path, Tendon, Waypoint};
 
 /// Where an element was written, for diagnostics. Elements built from code have the default: no file, line 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -75,6 +79,8 @@ pub struct Spec {
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms do not collide.
     pub excludes: Vec<Exclude>,
+    /// Tendons.
+    pub tendons: Vec<Tendon>,
     /// Equality constraints.
     pub equalities: Vec<Equality>,
     /// Actuators.
@@ -150,6 +156,8 @@ pub struct Compiler {
     pub inertiafromgeom: InertiaFromGeom,
     /// Groups of geoms that count for inertia, inclusive.
     pub inertiagrouprange: [i32; 2],
+    /// How ranges of lengths are found.
+    pub lengthrange: LengthRange,
 }
 
 impl Default for Compiler {
@@ -166,6 +174,7 @@ impl Default for Compiler {
             fitaabb: false,
             inertiafromgeom: InertiaFromGeom::Auto,
             inertiagrouprange: [0, 5],
+            lengthrange: LengthRange::default(),
         }
     }
 }
@@ -549,96 +558,6 @@ pub struct Exclude {
     pub body2: String,
     /// Where it was written.
     pub source: Source,
-}
-
-/// What an actuator acts on.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Transmission {
-    /// A joint; for rotations of ball and free joints the gear is in the child's frame.
-    Joint(String),
-    /// A joint; for rotations of ball and free joints the gear is in the parent's frame.
-    JointInParent(String),
-}
-
-/// How an actuator's gain follows length and velocity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gain {
-    /// `prm[0]`.
-    Fixed,
-    /// `prm[0] + prm[1]·length + prm[2]·velocity`.
-    Affine,
-}
-
-/// How an actuator's bias follows length and velocity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Bias {
-    /// 0.
-    None,
-    /// `prm[0] + prm[1]·length + prm[2]·velocity`.
-    Affine,
-}
-
-/// An actuator (MJCF `actuator/*`).
-#[derive(Clone, Debug)]
-pub struct Actuator {
-    /// Name, or empty.
-    pub name: String,
-    /// What it acts on.
-    pub transmission: Transmission,
-    /// Scales length and force; six components for ball and free joints.
-    pub gear: [f64; 6],
-    /// Gain kind.
-    pub gain: Gain,
-    /// Gain parameters.
-    pub gainprm: [f64; 3],
-    /// Bias kind.
-    pub bias: Bias,
-    /// Bias parameters.
-    pub biasprm: [f64; 3],
-    /// Damping ratio from which the velocity gain of a position servo follows; 0: not used.
-    pub dampratio: f64,
-    /// Control range as a multiple of the joint's range; 0: not used.
-    pub inheritrange: f64,
-    /// Control range; `None`: not given.
-    pub ctrlrange: Option<[f64; 2]>,
-    /// Whether the control range is in force.
-    pub ctrllimited: Tri,
-    /// Force range; `None`: not given.
-    pub forcerange: Option<[f64; 2]>,
-    /// Whether the force range is in force.
-    pub forcelimited: Tri,
-    /// Damping of the actuated joint, reflected through the gear squared: polynomial coefficients.
-    pub damping: [f64; 3],
-    /// Inertia added to the actuated joint, reflected through the gear squared.
-    pub armature: f64,
-    /// Group, for `actuatorgroupdisable`.
-    pub group: i32,
-    /// Where it was written.
-    pub source: Source,
-}
-
-impl Default for Actuator {
-    fn default() -> Self {
-        Actuator {
-            name: String::new(),
-            transmission: Transmission::Joint(String::new()),
-            gear: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-            gain: Gain::Fixed,
-            gainprm: [1.0, 0.0, 0.0],
-            bias: Bias::None,
-            biasprm: [0.0; 3],
-            dampratio: 0.0,
-            inheritrange: 0.0,
-            ctrlrange: None,
-            ctrllimited: Tri::Auto,
-            forcerange: None,
-            forcelimited: Tri::Auto,
-            damping: [0.0; 3],
-            armature: 0.0,
-            group: 0,
-            source: Source::default(),
-        }
-    }
 }
 
 /// What a keyframe says of one body.

@@ -83,17 +83,32 @@ fn same_sign(got: &[f64], expected: &[f64]) -> Vec<f64> {
 
 fn kinematics(options: &Options, tolerances: &Tolerances) {
     let t = tolerances.kinematics;
-    let fields = "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length";
+    let fields =
+        "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof ten_length ten_J actuator_length";
     check_fields(options, &fields.split(' ').map(|name| (name, t, 1.0)).collect::<Vec<_>>());
 }
 
 fn dynamics(options: &Options, tolerances: &Tolerances) {
     let t = tolerances.dynamics;
-    let forces = "qfrc_bias qfrc_passive actuator_force qfrc_actuator energy actuator_velocity";
+    let forces = "ten_velocity qfrc_bias qfrc_passive actuator_force qfrc_actuator energy actuator_velocity act_dot";
     let mut fields: Vec<_> = forces.split(' ').map(|name| (name, t, 1.0)).collect();
     fields.push(("qM", t, 1e-3));
     fields.push(("qacc_smooth", tolerances.qacc_smooth, 1.0));
     check_fields(options, &fields);
+}
+
+/// Of actuators that act on more than joints, or have activations.
+fn moments(options: &Options, tolerances: &Tolerances) {
+    let mut failures = Failures::default();
+    for golden in Golden::all().into_iter().filter(|golden| golden.arrays.contains_key("out/actuator_moment")) {
+        let ours = golden.eval(&["actuator_moment"], 0, options);
+        let expected = golden.rows(&golden.array("out/actuator_moment"));
+        for (state, (got, expected)) in ours["actuator_moment"].iter().zip(&expected).enumerate() {
+            let place = || format!("{} state {state} actuator_moment", golden.name);
+            failures.check(place, agree(got, expected, tolerances.kinematics, 1.0));
+        }
+    }
+    failures.report();
 }
 
 /// For each of MuJoCo's contacts, the one of ours between the same geoms that is nearest and not yet taken.
@@ -290,8 +305,8 @@ fn accelerations_meet_the_goal() {
 fn step(options: &Options, tolerances: &Tolerances) {
     let mut failures = Failures::default();
     for golden in Golden::all() {
-        let ours = golden.eval(&["qpos", "qvel"], 1, options);
-        for name in ["qpos", "qvel"] {
+        let ours = golden.eval(&["qpos", "qvel", "act"], 1, options);
+        for name in ["qpos", "qvel", "act"] {
             let expected = golden.rows(&golden.array(&format!("next/{name}")));
             for (state, (got, expected)) in ours[name].iter().zip(&expected).enumerate() {
                 let place = || format!("{} state {state} next {name}", golden.name);
@@ -315,12 +330,12 @@ macro_rules! groups {
     };
 }
 
-groups!(f64_wide, F64, Wide, F64: kinematics dynamics contacts rows solution step);
-groups!(f64_native, F64, Native, F64: kinematics dynamics contacts rows solution step);
-groups!(f64_scalar, F64, Scalar, F64: kinematics dynamics contacts rows solution step);
-groups!(f32_wide, F32, Wide, F32: kinematics dynamics contacts rows solution step);
-groups!(f32_native, F32, Native, F32: kinematics dynamics contacts rows solution step);
-groups!(f32_scalar, F32, Scalar, F32: kinematics dynamics contacts rows solution step);
+groups!(f64_wide, F64, Wide, F64: kinematics moments dynamics contacts rows solution step);
+groups!(f64_native, F64, Native, F64: kinematics moments dynamics contacts rows solution step);
+groups!(f64_scalar, F64, Scalar, F64: kinematics moments dynamics contacts rows solution step);
+groups!(f32_wide, F32, Wide, F32: kinematics moments dynamics contacts rows solution step);
+groups!(f32_native, F32, Native, F32: kinematics moments dynamics contacts rows solution step);
+groups!(f32_scalar, F32, Scalar, F32: kinematics moments dynamics contacts rows solution step);
 
 fn numbers(data: &ArrayData) -> Vec<f64> {
     match data {
@@ -344,7 +359,7 @@ fn inertia_tensors(moments: &[f64], quaternions: &[f64]) -> Vec<f64> {
 fn model_arrays() {
     let tolerance = |name: &str| match name {
         // Entries of inverses of inertia matrices.
-        "body_invweight0" | "dof_invweight0" | "actuator_acc0" => 1e-9,
+        "body_invweight0" | "dof_invweight0" | "tendon_invweight0" | "actuator_acc0" => 1e-9,
         // MuJoCo stops diagonalising when the largest angle left is below 1e-12.
         "body_inertia" | "body_iquat" => 1e-11,
         _ => 1e-12,
@@ -403,7 +418,7 @@ fn every_golden_has_a_model() {
 /// What the goldens must exercise: a model, and the least number of contacts and rows that some state of it has.
 #[test]
 fn goldens_hold_what_models_are_for() {
-    const LEAST: [(&str, usize, usize); 45] = [
+    const LEAST: [(&str, usize, usize); 49] = [
         ("zoo/ant", 4, 20),
         ("zoo/hopper", 2, 8),
         ("zoo/cheetah", 2, 8),
@@ -447,6 +462,10 @@ fn goldens_hold_what_models_are_for() {
         ("unit/sphere_capsule", 1, 4),
         ("unit/sphere_cylinder", 4, 16),
         ("unit/sphere_sphere", 1, 4),
+        ("unit/tendon_armature", 0, 1),
+        ("unit/tendon_fixed", 0, 8),
+        ("unit/tendon_spatial", 0, 7),
+        ("unit/tendon_wrap", 0, 2),
         ("unit/tree_origins", 5, 20),
         ("unit/warmstart_off", 1, 5),
     ];

@@ -9,7 +9,7 @@ use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
 use support::golden::{Failures, Golden};
-use support::{Random, agree, all_models, fails, load, load_with, options};
+use support::{NOT_DISCRETE, Random, agree, all_models, fails, load, load_with, options};
 
 const BACKENDS: [Backend; 3] = [Backend::Native, Backend::Wide, Backend::Scalar];
 /// Models that touch the floor, and themselves.
@@ -34,8 +34,7 @@ fn check(over_step: Option<&str>, precision: Precision, tolerance: f64) {
     let overrides = over_step.map(|integrator| [("integrator", integrator), ("invdiscrete", "enable")]);
     let field = over_step.map_or("inverse/qfrc_inverse".into(), |i| format!("inverse/qfrc_inverse_{i}"));
     for name in all_models() {
-        // Refused: see `a_medium_is_refused_under_discrete` in tests/steps.rs.
-        if over_step == Some("discrete") && name == "unit/fluid" {
+        if over_step == Some("discrete") && NOT_DISCRETE.contains(&&*name) {
             continue;
         }
         let golden = Golden::read_with(&name, overrides.as_ref().map_or(&[], |all| &all[..]));

@@ -40,7 +40,7 @@ pub fn freeze<L: LaneQuery>(ws: &Workspace<L>, lost: u32, status: &mut BlockStat
 
 /// Looks at what came from outside, before it is used: the state, and forces. Flags quaternions that are far from unit length, or
 /// have none; those of a state that a step left are of unit length. Returns the lanes that cannot be stepped, by reason: a
-/// position or a velocity that is not finite, a force that is not, and what is too large.
+/// position, an activation or a velocity that is not finite, a force that is not, and what is too large.
 pub fn inspect<L: LaneQuery>(
     model: &Model<L::Real>,
     state: &State<L>,
@@ -65,10 +65,10 @@ pub fn inspect<L: LaneQuery>(
     let large = |values: &[L]| lanes(values, &huge);
     let strong = forces.iter().fold(0, |bits, force| bits | lanes(force, &too_strong));
     [
-        (Status::NON_FINITE_POS, take(lanes(&state.qpos, &not_finite))),
+        (Status::NON_FINITE_POS, take(lanes(&state.qpos, &not_finite) | lanes(&state.act, &not_finite))),
         (Status::NON_FINITE_VEL, take(lanes(&state.qvel, &not_finite))),
         (Status::NON_FINITE_ACC, take(bad_forces)),
-        (Status::HUGE_VALUE, take(large(&state.qpos) | large(&state.qvel) | strong)),
+        (Status::HUGE_VALUE, take(large(&state.qpos) | large(&state.qvel) | large(&state.act) | strong)),
     ]
 }
 
@@ -127,7 +127,8 @@ pub fn element<L: LaneQuery>(
         Status::NON_FINITE_ACC => singular().or_else(|| dof(first(smooth, &not_finite))),
         Status::HUGE_VALUE => {
             let moves = dof(first(qacc, &huge)).or_else(|| dof(first(&next.qvel, &huge)));
-            moves.or_else(|| joint_of(first(&next.qpos, &huge)))
+            let acts = || first(&next.act, &huge).and_then(|w| actuator_of(model, w));
+            moves.or_else(|| joint_of(first(&next.qpos, &huge))).or_else(acts)
         }
         Status::BAD_CTRL => first(&state.ctrl, &huge).map(|u| Element::Actuator(u as u32)),
         Status::SINGULAR_INERTIA => singular(),
@@ -162,13 +163,17 @@ pub fn element_outside<L: LaneQuery>(
         first(&applied.qfrc_applied, test).map(Element::Dof).or_else(body)
     };
     let joint_of = |q: Option<u32>| q.and_then(|q| joint_at(model, q as usize));
+    let acts = |w: Option<u32>| w.and_then(|w| actuator_of(model, w as usize));
     let found = match status {
-        Status::NON_FINITE_POS => joint_of(first(&state.qpos, &not_finite)),
+        Status::NON_FINITE_POS => {
+            joint_of(first(&state.qpos, &not_finite)).or_else(|| acts(first(&state.act, &not_finite)))
+        }
         Status::NON_FINITE_VEL => first(&state.qvel, &not_finite).map(Element::Dof),
         Status::NON_FINITE_ACC => force(&not_finite),
         Status::HUGE_VALUE => {
             let moves = first(&state.qvel, &huge).map(Element::Dof);
-            moves.or_else(|| joint_of(first(&state.qpos, &huge))).or_else(|| force(&too_strong))
+            let held = || joint_of(first(&state.qpos, &huge)).or_else(|| acts(first(&state.act, &huge)));
+            moves.or_else(held).or_else(|| force(&too_strong))
         }
         Status::FROZEN => {
             let mut elements = CAUSES.iter().map(|cause| element_outside(model, state, applied, *cause, lane));
@@ -197,6 +202,12 @@ fn quaternion_element<L: LaneQuery>(
         })
     };
     model.joints.iter().position(|joint| flagged(joint.kind, joint.qpos)).map(|j| Element::Joint(j as u32))
+}
+
+/// The actuator to which an activation belongs.
+fn actuator_of<T>(model: &Model<T>, w: usize) -> Option<Element> {
+    let actuator = model.actuators.iter().position(|actuator| actuator.act as usize == w)?;
+    Some(Element::Actuator(actuator as u32))
 }
 
 /// The joint to which a position belongs.

@@ -1,6 +1,6 @@
 //! The physics of lanesim: every stage of a step, written once over a [`lane`] type.
 //!
-//! The tree is the pipeline: `position`, `inertia`, `velocity`, `passive`, `actuation`, `acceleration`, `derivative`,
+//! The tree is the pipeline: `position`, `tendon`, `inertia`, `velocity`, `passive`, `actuation`, `acceleration`, `derivative`,
 //! `collision`, `constraint`, `solver`, `integration`. A stage reads earlier stages' structs and never calls their functions.
 
 pub mod acceleration;
@@ -30,5 +30,6 @@ pub mod solver;
 pub mod stage;
 pub mod state;
 pub mod step;
+pub mod tendon;
 pub mod velocity;
 pub mod workspace;

@@ -115,10 +115,11 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
 
 /// Of a discrete step, the rows where it ends.
 fn discretise<L: LaneQuery>(step: &mut Step<'_, L>) {
-    let Workspace { position, velocity, inertia, derivative, collision, constraint, metric, .. } = &mut *step.ws;
+    let Workspace { position, tendons, velocity, inertia, derivative, collision, constraint, metric, .. } =
+        &mut *step.ws;
     if let Some(metric) = metric {
         metric.m.copy_from_slice(&derivative.metric);
-        let motion = Motion { position, velocity, qvel: &step.state.qvel };
+        let motion = Motion { position, velocity, tendons, qvel: &step.state.qvel };
         let metric = Metric { inertia: &inertia.m, step: &derivative.metric };
         constraint::discretise(step.model, motion, metric, collision, constraint);
     }

@@ -3,6 +3,7 @@
 use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::collision::Colliders;
+use crate::constraint::Measured;
 use crate::derivative::Derivative;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, Mask};
@@ -12,13 +13,15 @@ use crate::passive::Passive;
 use crate::position::Position;
 use crate::stage::Stage;
 use crate::state::{Applied, State};
+use crate::tendon::Tendons;
 use crate::velocity::Velocity;
-use crate::{acceleration, actuation, collision, constraint, derivative, inertia, passive, position, velocity};
+use crate::{acceleration, actuation, collision, constraint, derivative, inertia, passive, position, tendon, velocity};
 
 /// The stages that do without constraints, borrowed from where they are.
 #[allow(missing_docs)] // each field is the stage of the same name
 pub struct Smooth<'a, L> {
     pub position: &'a mut Position<L>,
+    pub tendons: &'a mut Tendons<L>,
     pub inertia: &'a mut Inertia<L>,
     pub velocity: &'a mut Velocity<L>,
     pub passive: &'a mut Passive<L>,
@@ -31,8 +34,9 @@ pub struct Smooth<'a, L> {
 impl<L> Smooth<'_, L> {
     /// Borrowed for a shorter time.
     pub fn borrow(&mut self) -> Smooth<'_, L> {
-        let Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders } = self;
-        Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
+        let Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders } =
+            self;
+        Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
     }
 }
 
@@ -45,7 +49,7 @@ pub struct Findings<M> {
     pub singular: M,
     /// Bounding tests of pairs are due.
     pub due: M,
-    /// Some row on a joint may act.
+    /// Some row on a joint or tendon may act.
     pub joint_rows: M,
     /// The smooth acceleration is beyond what a solver can work with (see [`acceleration::wild`]): the world is lost.
     pub wild: M,
@@ -74,36 +78,42 @@ pub fn smooth<L: Lane>(
     stages: Smooth<'_, L>,
     end: &mut dyn FnMut(Stage),
 ) -> Findings<L::Mask> {
-    let Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders } = stages;
+    let Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders } =
+        stages;
     let mut findings = Findings::from([L::Mask::splat(false); 5]);
     position::kinematics(model, &state.qpos, position);
     end(Stage::Position);
+    if runs(Stage::Tendon) {
+        tendon::tendons(&model, position, &state.qpos, &state.qvel, tendons);
+        end(Stage::Tendon);
+    }
     if runs(Stage::Collision) {
         findings.due = collision::way(&model, &state.qpos, position, colliders);
         end(Stage::Collision);
     }
     if runs(Stage::Constraint) {
-        findings.joint_rows = constraint::joint_rows(&model, &state.qpos, &state.qvel);
+        findings.joint_rows =
+            constraint::joint_rows(&model, Measured { qpos: &state.qpos, qvel: &state.qvel, tendons });
         end(Stage::Constraint);
     }
     if runs(Stage::Inertia) {
-        inertia::crb(model, position, inertia);
+        inertia::crb(model, position, tendons, inertia);
         end(Stage::Inertia);
     }
     if runs(Stage::Velocity) {
-        velocity::rne(model, position, inertia, &state.qvel, velocity);
+        velocity::rne(model, (position, tendons, inertia), &state.qvel, velocity);
         end(Stage::Velocity);
     }
     if runs(Stage::Passive) {
-        passive::passive(model, (position, velocity), &state.qpos, &state.qvel, passive);
+        passive::passive(model, passive::Stages { position, tendons, velocity }, &state.qpos, &state.qvel, passive);
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {
-        findings.bad_controls = actuation::actuation(model, state, passive, actuation);
+        findings.bad_controls = actuation::actuation(model, state, (position, tendons, passive), actuation);
         end(Stage::Actuation);
     }
     if runs(Stage::Derivative) {
-        let stages = derivative::Stages { position, inertia, velocity, actuation };
+        let stages = derivative::Stages { position, tendons, inertia, velocity, actuation };
         derivative::implicit(model, state, stages, derivative);
         derivative::factor(&model, derivative);
         end(Stage::Derivative);
@@ -115,7 +125,8 @@ pub fn smooth<L: Lane>(
         if discrete {
             acceleration.qfrc_smooth.iter_mut().zip(&derivative.pull).for_each(|(force, pull)| *force -= *pull);
         }
-        findings.singular = acceleration::smooth_acceleration(model, position, inertia, metric, acceleration);
+        findings.singular =
+            acceleration::smooth_acceleration(model, (position, tendons, inertia), metric, acceleration);
         if runs(Stage::Solver) {
             findings.wild = acceleration::wild(&acceleration.qacc_smooth);
         }
@@ -127,12 +138,13 @@ pub fn smooth<L: Lane>(
 /// Fields that it leaves for others: all, or those that later parts of a step read.
 pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
     let mut all = match keep {
-        true => vec!["position", "inertia", "velocity", "passive", "actuation", "acceleration", "derivative"],
+        true => vec!["position", "tendon", "inertia", "velocity", "passive", "actuation", "acceleration", "derivative"],
         false => vec![
             "position.origin",
             "position.pos",
             "position.rot",
             "position.cdof",
+            "tendon",
             "velocity.cvel",
             if model.features.articulated { "inertia.link" } else { "inertia.m" },
             "acceleration.qfrc_smooth",
@@ -143,6 +155,10 @@ pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
             "derivative.inverse",
         ],
     };
+    // The integration reads them.
+    if model.sizes.na > 0 {
+        all.push("actuation.act_dot");
+    }
     // Rows of equality constraints read accelerations of links.
     if !model.equalities.is_empty() {
         all.push("velocity.cacc");

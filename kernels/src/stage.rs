@@ -12,6 +12,7 @@ use crate::options::Integrator;
 #[allow(missing_docs)] // each variant is the module of the same name
 pub enum Stage {
     Position,
+    Tendon,
     Inertia,
     Velocity,
     Passive,
@@ -28,8 +29,9 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, with their names.
-    pub const ALL: [(Stage, &'static str); 13] = [
+    pub const ALL: [(Stage, &'static str); 14] = [
         (Stage::Position, "position"),
+        (Stage::Tendon, "tendon"),
         (Stage::Inertia, "inertia"),
         (Stage::Velocity, "velocity"),
         (Stage::Passive, "passive"),
@@ -46,15 +48,19 @@ impl Stage {
 
     /// The stages whose results it reads.
     pub fn reads(self) -> &'static [Stage] {
-        use Stage::{Acceleration, Actuation, Collision, Constraint, Inertia, Passive, Position, Solver, Velocity};
+        use Stage::{
+            Acceleration, Actuation, Collision, Constraint, Inertia, Passive, Position, Solver, Tendon, Velocity,
+        };
         match self {
             Position => &[],
-            Inertia | Collision => &[Position],
+            Tendon | Collision => &[Position],
+            Inertia => &[Position, Tendon],
             // A medium resists velocities of links.
-            Passive => &[Position, Velocity],
-            Velocity | Stage::Energy => &[Position, Inertia],
-            Constraint => &[Position, Collision, Velocity],
-            Actuation => &[Passive],
+            Passive => &[Position, Tendon, Velocity],
+            Velocity => &[Position, Tendon, Inertia],
+            Stage::Energy => &[Position, Tendon, Inertia],
+            Constraint => &[Position, Tendon, Collision, Velocity],
+            Actuation => &[Position, Tendon, Passive],
             Stage::Derivative => &[Inertia, Velocity, Passive, Actuation],
             // In the metric of discrete steps.
             Acceleration => &[Inertia, Velocity, Passive, Actuation, Stage::Derivative],
@@ -83,6 +89,7 @@ impl Stage {
     /// Whether the model gives the stage anything to do.
     pub fn present<T>(self, model: &Model<T>) -> bool {
         match self {
+            Stage::Tendon => !model.tendons.is_empty(),
             Stage::Collision => !model.pairs.is_empty(),
             Stage::Constraint => model.constrained(),
             Stage::Derivative => !matches!(model.options.integrator, Integrator::Euler | Integrator::Rk4),

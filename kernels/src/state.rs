@@ -38,13 +38,13 @@ fields! {
 pub struct Status(pub u32);
 
 impl Status {
-    /// A position from outside was NaN or infinite.
+    /// A position or an activation from outside was NaN or infinite.
     pub const NON_FINITE_POS: Status = Status(1 << 0);
     /// A velocity from outside was NaN or infinite.
     pub const NON_FINITE_VEL: Status = Status(1 << 1);
     /// The smooth acceleration, or a force from outside, was NaN or infinite.
     pub const NON_FINITE_ACC: Status = Status(1 << 2);
-    /// A position, a velocity, a force from outside or an acceleration exceeded the largest magnitude; numbers so large may overflow
+    /// A position, a velocity, an activation, a force from outside or an acceleration exceeded the largest magnitude; numbers so large may overflow
     /// to NaN in the solver.
     pub const HUGE_VALUE: Status = Status(1 << 3);
     /// A control was NaN or infinite: all controls of that step were 0.

@@ -95,9 +95,10 @@ fn evaluate_between<L: LaneQuery>(
     let mut good = L::mask_of(solved.lanes);
     rk4.start(state);
     for part in 0..Rk4::<L>::PARTS {
-        let Workspace { solver, acceleration, integration, .. } = &mut *ws;
+        let Workspace { solver, acceleration, actuation, integration, .. } = &mut *ws;
         let Solver { qacc, .. } = &solver.fields;
-        good = rk4.take(model, part, [qacc, &acceleration.qacc_smooth], state, good, integration);
+        let found = ([&qacc[..], &acceleration.qacc_smooth], &actuation.act_dot[..]);
+        good = rk4.take(model, part, found, state, good, integration);
         if part + 1 < Rk4::<L>::PARTS {
             let next = forward(model, &mut rk4.stage, run, status, ws);
             solved.unfinished |= next.unfinished;

@@ -18,6 +18,7 @@ use crate::sensor::{self, Sensors};
 use crate::smooth::Smooth;
 use crate::solver::SolverWork;
 use crate::stage::Stage;
+use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
 fn discrete<T>(model: &Model<T>) -> bool {
@@ -29,6 +30,7 @@ fn discrete<T>(model: &Model<T>) -> bool {
 #[allow(missing_docs)] // each field is the stage of the same name
 pub struct Workspace<L> {
     pub position: Position<L>,
+    pub tendons: Tendons<L>,
     pub inertia: Inertia<L>,
     pub collision: Collision<L>,
     pub velocity: Velocity<L>,
@@ -52,10 +54,9 @@ pub struct Workspace<L> {
 impl<L> Workspace<L> {
     /// The stages that do without constraints.
     pub fn smooth(&mut self) -> Smooth<'_, L> {
-        let Workspace { position, inertia, velocity, passive, actuation, acceleration, derivative, collision, .. } =
-            self;
-        let colliders = &mut collision.colliders;
-        Smooth { position, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
+        let Workspace { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, .. } = self;
+        let colliders = &mut self.collision.colliders;
+        Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
     }
 
     /// What sensors read, and what they write.
@@ -64,9 +65,23 @@ impl<L> Workspace<L> {
         L: Lane,
     {
         let Workspace {
-            position, inertia, velocity, actuation, collision, constraint, solver, energy, sensors, ..
+            position,
+            tendons,
+            inertia,
+            velocity,
+            actuation,
+            collision,
+            constraint,
+            solver,
+            energy,
+            sensors,
+            ..
         } = self;
-        (sensor::Stages { position, inertia, velocity, actuation, collision, constraint, solver }, energy, sensors)
+        (
+            sensor::Stages { position, tendons, inertia, velocity, actuation, collision, constraint, solver },
+            energy,
+            sensors,
+        )
     }
 }
 
@@ -87,6 +102,7 @@ impl<L: Lane> Workspace<L> {
         let of = |stage: Stage| stage.sizes(model);
         Workspace {
             position: Position::new(sizes),
+            tendons: Tendons::new(sizes),
             inertia: Inertia::new(sizes),
             collision: Collision::new(model),
             velocity: Velocity::new(sizes),
@@ -111,6 +127,7 @@ impl<L: Lane> Workspace<L> {
         let of = |stage: Stage| stage.sizes(model);
         let stages = [
             Position::<L>::bytes(sizes),
+            Tendons::<L>::bytes(sizes),
             Inertia::<L>::bytes(sizes),
             Collision::<L>::bytes(model),
             Velocity::<L>::bytes(sizes),

@@ -25,7 +25,7 @@ SIZES = (3, 0, 1, 2, 3, 2, 3, 0, 0)
 GEOM = "pos quat contype conaffinity condim priority friction solmix solref solimp margin gap group"
 """What a geom's attributes and arrays have in common."""
 EQUALITIES = ("connect", "weld", "joint", "tendon", "flex")
-HELD = {"connect": "", "weld": "", "joint": "joint"}
+HELD = {"connect": "", "weld": "", "joint": "joint", "tendon": "tendon"}
 """Those that are built, and what they hold: bodies or sites where it is not said."""
 SENSORS = {
     "jointactfrc": "jointactuatorfrc", "tendonactfrc": "tendonactuatorfrc", "geomdist": "distance", "geomnormal": "normal",
@@ -35,6 +35,7 @@ SENSORS = {
 OBJECTS = {1: "body", 2: "xbody", 3: "joint", 5: "geom", 6: "site", 18: "tendon", 19: "actuator"}
 STAGES = ("pos", "pos", "vel", "acc")
 DATA_TYPES = ("real", "positive", "axis", "quaternion")
+WRAPS = ("", "joint", "pulley", "site", "sphere", "cylinder")
 GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
 BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
@@ -92,9 +93,13 @@ class _Writer:
             kind = kinds.get(self._transmission(a))
             referred += [(kind, int(i)) for i in m.actuator_trnid[a] if kind and i >= 0]
         for e in range(m.neq):
-            what = {0: "joint", 1: "body", 6: "site"}.get(int(m.eq_objtype[e]))
+            what = {0: "tendon" if m.eq_type[e] == 3 else "joint", 1: "body", 6: "site"}.get(int(m.eq_objtype[e]))
             if what and int(m.eq_type[e]) < len(HELD):
                 referred += [(what, int(i)) for i in (m.eq_obj1id[e], m.eq_obj2id[e]) if i >= 0]
+        for w in range(m.nwrap):
+            kind = {1: "joint", 3: "site", 4: "geom", 5: "geom"}.get(int(m.wrap_type[w]))
+            referred += [(kind, int(m.wrap_objid[w]))] if kind else []
+            referred += [("site", int(m.wrap_prm[w]))] if kind == "geom" and m.wrap_prm[w] >= 0 else []
         for kind, i in referred:
             if not getattr(m, kind)(i).name:
                 self.named[kind, i] = f"{kind} {i}"
@@ -263,10 +268,8 @@ class _Writer:
         active: dict[str, Any] = {}
         if dynamic:
             active = dict(
-                dynprm=m.actuator_dynprm[a],
                 actlimited=bool(m.actuator_actlimited[a]),
                 actrange=m.actuator_actrange[a] if m.actuator_actrange[a].any() else None,
-                actearly=True if m.actuator_actearly[a] else None,
                 actdim=m.actuator_actnum[a] if m.actuator_actnum[a] != 1 else None,
             )
         self.spec.actuator.add(
@@ -275,6 +278,8 @@ class _Writer:
             gaintype=GAINS[int(m.actuator_gaintype[a])],
             biastype=BIASES[int(m.actuator_biastype[a])],
             dyntype=DYNAMICS[dynamic],
+            dynprm=m.actuator_dynprm[a],
+            actearly=True if m.actuator_actearly[a] else None,
             gainprm=m.actuator_gainprm[a],
             biasprm=m.actuator_biasprm[a],
             ctrllimited=bool(m.actuator_ctrllimited[a]),
@@ -286,6 +291,7 @@ class _Writer:
             damping=(
                 _series(m.actuator_damping[a], m.actuator_dampingpoly[a]) if _any(m, "actuator_damping", a) else None
             ),
+            lengthrange=m.actuator_lengthrange[a] if m.actuator_lengthrange[a].any() else None,
             delay=m.actuator_delay[a] or None,
             group=m.actuator_group[a],
             **where,
@@ -300,15 +306,7 @@ class _Writer:
         if m.ntendon:
             tendons = root.add("tendon")
             for t in range(m.ntendon):
-                force = any(_any(m, f"tendon_{what}", t) for what in ("stiffness", "damping"))
-                tendons.add(
-                    "fixed",
-                    name=self.name("tendon", t) or f"tendon {t}",
-                    # One that has a force of its own is refused, whatever the force.
-                    stiffness=float(force or m.tendon_frictionloss[t] != 0 or m.tendon_armature[t] != 0),
-                    limited=bool(m.tendon_limited[t]),
-                    actuatorfrclimited=bool(m.tendon_actfrclimited[t]),
-                )
+                self._tendon(tendons, t)
         if m.neq:
             equalities = root.add("equality")
             for e in range(m.neq):
@@ -355,6 +353,41 @@ class _Writer:
         history = int(m.sensor_history[s][0]) if hasattr(m, "sensor_history") else 0
         return {**dict(named), **({"nsample": history} if history else {})}
 
+    def _tendon(self, tendons: Element, t: int) -> None:
+        m = self.m
+        points = range(m.tendon_adr[t], m.tendon_adr[t] + m.tendon_num[t])
+        tendon = tendons.add(
+            "fixed" if WRAPS[m.wrap_type[points[0]]] == "joint" else "spatial",
+            name=self.name("tendon", t),
+            springlength=m.tendon_lengthspring[t],
+            stiffness=_series(m.tendon_stiffness[t], m.tendon_stiffnesspoly[t]),
+            springyield=m.tendon_springyield[t] or None,
+            damping=_series(m.tendon_damping[t], m.tendon_dampingpoly[t]),
+            armature=m.tendon_armature[t],
+            frictionloss=m.tendon_frictionloss[t],
+            solreffriction=m.tendon_solref_fri[t],
+            solimpfriction=m.tendon_solimp_fri[t],
+            limited=bool(m.tendon_limited[t]),
+            range=m.tendon_range[t] if m.tendon_range[t].any() else None,
+            margin=m.tendon_margin[t],
+            solreflimit=m.tendon_solref_lim[t],
+            solimplimit=m.tendon_solimp_lim[t],
+            actuatorfrclimited=bool(m.tendon_actfrclimited[t]),
+            actuatorfrcrange=m.tendon_actfrcrange[t] if m.tendon_actfrcrange[t].any() else None,
+            group=m.tendon_group[t],
+        )
+        for w in points:
+            kind, i, number = WRAPS[m.wrap_type[w]], int(m.wrap_objid[w]), m.wrap_prm[w]
+            if kind == "joint":
+                tendon.add("joint", joint=self.name("joint", i), coef=number)
+            elif kind == "pulley":
+                tendon.add("pulley", divisor=number)
+            elif kind == "site":
+                tendon.add("site", site=self.name("site", i))
+            else:
+                side = self.name("site", int(number)) if number >= 0 else None
+                tendon.add("geom", geom=self.name("geom", i), sidesite=side)
+
     def _mesh_name(self, mesh: int) -> str:
         return str(self.m.mesh(mesh).name or f"mesh {mesh}")
 
@@ -376,7 +409,7 @@ class _Writer:
         ids = (int(m.eq_obj1id[e]), int(m.eq_obj2id[e]))
         held: dict[str, Any] = {f"{what}{n}": self.name(what, i) for n, i in enumerate(ids, 1) if i >= 0}
         data = m.eq_data[e]
-        if kind == "joint":
+        if kind in ("joint", "tendon"):
             held["polycoef"] = data[:5]
         elif what == "body":
             held["anchor"] = data[:3]
@@ -465,7 +498,7 @@ def stale(m: Any) -> Iterator[str]:
 
     fresh = copy.copy(m)
     mujoco.mj_setConst(fresh, mujoco.MjData(fresh))
-    for name in ("body_subtreemass", "dof_M0", "dof_invweight0", "body_invweight0", "actuator_acc0"):
+    for name in ("body_subtreemass", "dof_M0", "dof_invweight0", "body_invweight0", "tendon_invweight0", "tendon_length0", "actuator_acc0"):
         old, new = getattr(m, name), getattr(fresh, name)
         wrong = np.abs(old - new) > STALE * np.abs(new).max(initial=0.0)
         if wrong.any():

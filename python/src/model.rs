@@ -90,6 +90,7 @@ impl Model {
             "joint" => &names.joints,
             "geom" => &names.geoms,
             "site" => &names.sites,
+            "tendon" => &names.tendons,
             "equality" => &names.equalities,
             "actuator" => &names.actuators,
             "sensor" => &names.sensors,

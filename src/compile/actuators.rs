@@ -1,14 +1,28 @@
 //! Actuators and what they add to the joints that they act on.
 
-use glam::DVec3;
-use lanesim_kernels::model::{Actuator, Joint, JointKind, Span, Transmission};
+use lanesim_kernels::actuation::{self, Actuation};
+use lanesim_kernels::model::{
+    Actuator, Dynamics, Instance, Joint, JointKind, Model, MomentDof, Mount, Muscle, NONE, Span, Transmission,
+};
+use lanesim_kernels::options::Integrator;
+use lanesim_kernels::position::{self, Position};
+use lanesim_kernels::tendon;
 
 use super::bounds;
 use super::derived::Derived;
+use super::equality::between;
+use super::lengthrange;
+use super::links::Links;
+use super::names::label;
 use super::order::Scene;
+use super::pose::row_major;
 use super::response::Responses;
-use crate::model::Names;
+use super::tendons::Tendons;
+use crate::diagnostics::Diagnostics;
+use crate::model::ElementNames;
 use crate::spec::{self, Bias, Gain, Spec, is_limited};
+
+const MINVAL: f64 = 1e-15;
 
 /// Armature and damping that actuators add to every dof of a joint.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,19 +31,41 @@ pub(crate) struct Reflected {
     pub damping: [f64; 3],
 }
 
-/// Joint of every actuator. Names have been checked.
-pub(crate) fn targets(spec: &Spec, joints: &Names) -> Vec<usize> {
-    let target = |a: &spec::Actuator| {
-        let (spec::Transmission::Joint(name) | spec::Transmission::JointInParent(name)) = &a.transmission;
-        joints.id(name)
+/// What an actuator acts on, in MuJoCo's numbering: a joint, a tendon, or sites.
+pub(crate) enum Target {
+    Joint(usize),
+    Tendon(usize),
+    Sites(Vec<usize>),
+}
+
+impl Target {
+    /// The joint.
+    pub fn joint(&self) -> Option<usize> {
+        match self {
+            Target::Joint(joint) => Some(*joint),
+            Target::Tendon(_) | Target::Sites(_) => None,
+        }
+    }
+}
+
+/// What every actuator acts on. Names have been checked.
+pub(crate) fn targets(spec: &Spec, names: &ElementNames) -> Vec<Target> {
+    let target = |a: &spec::Actuator| match (a.transmission.joint(), a.transmission.tendon()) {
+        (Some(name), _) => names.joints.id(name).map(Target::Joint),
+        (_, Some(name)) => names.tendons.id(name).map(Target::Tendon),
+        _ => {
+            let sites = a.transmission.sites();
+            Some(Target::Sites(sites.into_iter().filter_map(|(_, name)| names.sites.id(name)).collect()))
+        }
     };
     spec.actuators.iter().filter_map(target).collect()
 }
 
 /// What actuators add to each joint: their own armature and damping times the square of the first gear.
-pub(crate) fn reflected(spec: &Spec, targets: &[usize], njnt: usize) -> Vec<Reflected> {
+pub(crate) fn reflected(spec: &Spec, targets: &[Target], njnt: usize) -> Vec<Reflected> {
     let mut out = vec![Reflected::default(); njnt];
-    for (actuator, &joint) in spec.actuators.iter().zip(targets) {
+    for (actuator, target) in spec.actuators.iter().zip(targets) {
+        let Some(joint) = target.joint() else { continue };
         let squared = actuator.gear[0] * actuator.gear[0];
         out[joint].armature += actuator.armature * squared;
         for (sum, x) in out[joint].damping.iter_mut().zip(actuator.damping) {
@@ -39,115 +75,311 @@ pub(crate) fn reflected(spec: &Spec, targets: &[usize], njnt: usize) -> Vec<Refl
     out
 }
 
-/// The actuators' table, and for MuJoCo's arrays the norm of the acceleration that a unit force causes.
-pub(crate) struct Actuators {
-    pub table: Vec<Actuator<f64>>,
-    /// Sum of the degrees of freedom of their joints.
-    pub nmoment: usize,
-    /// Control ranges, infinite ones as they are.
-    pub ctrl_ranges: Vec<[f64; 2]>,
-    pub acc0: Vec<f64>,
-    pub length0: Vec<f64>,
+/// The same for each tendon.
+pub(crate) fn reflected_on_tendons(spec: &Spec, targets: &[Target]) -> Vec<Reflected> {
+    let mut out = vec![Reflected::default(); spec.tendons.len()];
+    for (actuator, target) in spec.actuators.iter().zip(targets) {
+        let Target::Tendon(tendon) = target else { continue };
+        let squared = actuator.gear[0] * actuator.gear[0];
+        out[*tendon].armature += actuator.armature * squared;
+        for (sum, x) in out[*tendon].damping.iter_mut().zip(actuator.damping) {
+            *sum += x * squared;
+        }
+    }
+    out
 }
 
-/// Compiles the actuators in their order.
+/// The actuators' tables.
+#[derive(Default)]
+pub(crate) struct Actuators {
+    pub table: Vec<Actuator<f64>>,
+    pub mounts: Vec<Mount<f64>>,
+    pub moment_dofs: Vec<MomentDof>,
+    /// Control ranges, infinite ones as they are; and those of activations.
+    pub ctrl_ranges: Vec<[f64; 2]>,
+    pub act_ranges: Vec<[f64; 2]>,
+    /// Activations.
+    pub na: usize,
+}
+
+/// What MuJoCo's arrays have of the reference configuration.
+#[derive(Default)]
+pub(crate) struct Constants {
+    /// Norm of the acceleration that a unit force causes.
+    pub acc0: Vec<f64>,
+    pub length0: Vec<f64>,
+    /// Ranges of lengths.
+    pub length_ranges: Vec<[f64; 2]>,
+}
+
+/// Compiles the actuators in their order, but for what follows from the reference configuration.
 pub(crate) fn actuators(
     spec: &Spec,
-    scene: &Scene,
-    targets: &[usize],
+    (scene, links, tendons): (&Scene, &Links, &Tendons),
+    targets: &[Target],
     joints: &[Joint<f64>],
-    derived: &Derived,
+    dofs: &[lanesim_kernels::model::Dof<f64>],
 ) -> Actuators {
-    let mut out =
-        Actuators { table: Vec::new(), nmoment: 0, ctrl_ranges: Vec::new(), acc0: Vec::new(), length0: Vec::new() };
-    let responses = Responses::new(&derived.hinges);
-    for (actuator, &target) in spec.actuators.iter().zip(targets) {
-        let joint = &joints[target];
-        let mut compiled = actuator_table(spec, actuator, target, joint);
-        if let (Some([lo, hi]), true) = (scene.joints[target].spec.range, actuator.inheritrange > 0.0) {
+    let mut out = Actuators::default();
+    for (actuator, target) in spec.actuators.iter().zip(targets) {
+        let mut compiled = actuator_table(spec, actuator, target, joints);
+        let mut ctrl_range = actuator.ctrlrange.unwrap_or_default();
+        let mut act_range = actuator.actrange.unwrap_or_default();
+        let inherited = match target {
+            Target::Joint(joint) => scene.joints[*joint].spec.range,
+            Target::Tendon(tendon) => spec.tendons[*tendon].range,
+            Target::Sites(_) => None,
+        };
+        if let (Some([lo, hi]), true) = (inherited, actuator.inheritrange > 0.0) {
             let (mean, half) = (0.5 * (lo + hi), 0.5 * (hi - lo) * actuator.inheritrange);
             let range = [mean - half, mean + half];
-            out.ctrl_ranges.push(range);
-            set_ctrl_range(&mut compiled, range, actuator.ctrllimited);
-        } else {
-            out.ctrl_ranges.push(actuator.ctrlrange.unwrap_or_default());
+            if actuator.dynamics == spec::Dynamics::Integrator {
+                act_range = range;
+                set_act_range(&mut compiled, range, actuator.actlimited);
+            } else {
+                ctrl_range = range;
+                set_ctrl_range(&mut compiled, range, actuator.ctrllimited);
+            }
         }
-        let row = moment_row(&compiled, joint, derived);
-        compiled.moments = Span { start: out.nmoment as u32, len: row.len() as u32 };
-        out.nmoment += row.len();
-        let response = responses.to(joint.dof as usize, &row);
-        out.acc0.push(response.norm);
-        out.length0.push(match joint.kind {
-            JointKind::Slide | JointKind::Hinge => compiled.gear[0] * joint.qpos0,
-            _ => 0.0,
-        });
-        if actuator.dampratio > 0.0 {
-            let mass = 1.0 / response.along.max(1e-15);
-            compiled.bias[2] = -2.0 * actuator.dampratio * (compiled.gain[0].max(0.0) * mass).sqrt();
-            compiled.bias_affine = true;
+        out.ctrl_ranges.push(ctrl_range);
+        out.act_ranges.push(act_range);
+        if compiled.dynamics != Dynamics::None {
+            compiled.act = out.na as u32;
+            out.na += 1;
         }
+        let moves: Vec<MomentDof> = match target {
+            Target::Joint(joint) => {
+                let first = joints[*joint].dof;
+                let n = dofs[first as usize..].iter().take_while(|dof| dof.joint as usize == *joint).count() as u32;
+                (first..first + n).map(|dof| MomentDof { dof, moves: [true, false] }).collect()
+            }
+            Target::Tendon(tendon) => {
+                let dofs = tendons.dofs_of(*tendon).iter();
+                dofs.map(|entry| MomentDof { dof: entry.dof, moves: [true, false] }).collect()
+            }
+            Target::Sites(sites) => {
+                let mounts: Vec<Mount<f64>> = sites.iter().map(|site| mount(scene, links, *site)).collect();
+                let ends = [0, 1].map(|k| mounts.get(k).map_or(NONE, |mount| mount.link));
+                compiled.mounts = Span { start: out.mounts.len() as u32, len: mounts.len() as u32 };
+                out.mounts.extend(mounts);
+                // What moves both moves neither against the other.
+                let apart = between(dofs, links, ends).into_iter().filter(|entry| entry.moves != [true; 2]);
+                apart.map(|entry| MomentDof { dof: entry.dof, moves: entry.moves }).collect()
+            }
+        };
+        compiled.moments = Span { start: out.moment_dofs.len() as u32, len: moves.len() as u32 };
+        out.moment_dofs.extend(moves);
         out.table.push(compiled);
     }
     out
 }
 
-fn actuator_table(spec: &Spec, a: &spec::Actuator, target: usize, joint: &Joint<f64>) -> Actuator<f64> {
+/// Refuses what discrete steps do not have: a metric that joins branches.
+pub(crate) fn check_discrete(spec: &Spec, tables: &Model<f64>, diagnostics: &mut Diagnostics) {
+    if tables.options.integrator != Integrator::Discrete {
+        return;
+    }
+    let above = |two: &[MomentDof]| {
+        let runs = tables.tree_pattern.row(two[1].dof as usize);
+        runs.iter().any(|run| run.range().contains(&(two[0].dof as usize)))
+    };
+    for (i, (actuator, written)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
+        let branches = !tables.moment_dofs[actuator.moments.range()].windows(2).all(above);
+        if branches && actuator.follows() {
+            let message =
+                "its force follows the motion of several branches, which is not supported under integrator discrete";
+            let label = label("actuator", &written.name, i);
+            diagnostics.push(&written.source, label, message, "set integrator=\"implicitfast\"");
+        }
+    }
+}
+
+/// A site as a frame on which an actuator acts.
+fn mount(scene: &Scene, links: &Links, site: usize) -> Mount<f64> {
+    let site = &scene.sites[site];
+    let pose = links.body_pose[site.body].then(&site.pose);
+    Mount {
+        link: links.body_link[site.body],
+        pos: pose.pos.to_array(),
+        rot: row_major(pose.rotation()),
+        quat: pose.wxyz(),
+    }
+}
+
+/// Finds what follows from the reference configuration, and puts it into the tables.
+pub(crate) fn constants(
+    spec: &Spec,
+    derived: &Derived,
+    tables: &mut Model<f64>,
+    diagnostics: &mut Diagnostics,
+) -> Constants {
+    let mut out = Constants { length_ranges: lengthrange::ranges(spec, tables, diagnostics), ..Constants::default() };
+    if tables.actuators.is_empty() {
+        return out;
+    }
+    let (mut position, mut actuation) = (Position::new(&tables.sizes), Actuation::new(&tables.sizes));
+    let instance = Instance::from(&*tables);
+    let mut tendons = tendon::Tendons::new(&tables.sizes);
+    position::kinematics(instance, &tables.qpos0, &mut position);
+    tendon::tendons(tables, &position, &tables.qpos0, &vec![0.0; tables.sizes.nv], &mut tendons);
+    actuation::lengths(instance, &tables.qpos0, (&position, &tendons), &mut actuation);
+    let responses = Responses::new(&derived.hinges);
+    let Model { actuators, moment_dofs, muscles, .. } = tables;
+    for (a, (actuator, compiled)) in spec.actuators.iter().zip(actuators).enumerate() {
+        let moments = compiled.moments.range();
+        let response = derived
+            .heavy_response(&moment_dofs[moments.clone()], &actuation.moment[moments.clone()])
+            .unwrap_or_else(|| responses.to(&moment_dofs[moments.clone()], &actuation.moment[moments]));
+        out.acc0.push(response.norm);
+        out.length0.push(actuation.length[a]);
+        if actuator.dampratio > 0.0 {
+            let mass = 1.0 / response.along.max(1e-15);
+            compiled.bias[2] = -2.0 * actuator.dampratio * (compiled.gain[0].max(0.0) * mass).sqrt();
+            compiled.bias_affine = true;
+        }
+        let mut muscle = |prm: &[f64; 10]| {
+            muscles.push(muscle(prm, out.length_ranges[a], response.norm));
+            muscles.len() as u32 - 1
+        };
+        if actuator.gain == Gain::Muscle {
+            compiled.muscle_gain = muscle(&actuator.gainprm);
+        }
+        if actuator.bias == Bias::Muscle {
+            compiled.muscle_bias = muscle(&actuator.biasprm);
+        }
+    }
+    out
+}
+
+fn actuator_table(spec: &Spec, a: &spec::Actuator, target: &Target, joints: &[Joint<f64>]) -> Actuator<f64> {
+    let joint = target.joint().map(|joint| &joints[joint]);
     let in_parent = matches!(a.transmission, spec::Transmission::JointInParent(_));
-    let transmission = match (joint.kind, in_parent) {
-        (JointKind::Ball, false) => Transmission::Ball,
-        (JointKind::Ball, true) => Transmission::BallInParent,
-        (JointKind::Free, false) => Transmission::Free,
-        (JointKind::Free, true) => Transmission::FreeInParent,
+    let transmission = match (&a.transmission, joint.map(|joint| (joint.kind, in_parent))) {
+        (spec::Transmission::SliderCrank { .. }, _) => Transmission::SliderCrank,
+        (spec::Transmission::Site { reference: Some(_), .. }, _) => Transmission::Relative,
+        (spec::Transmission::Site { .. }, _) => Transmission::Site,
+        (spec::Transmission::Tendon(_), _) => Transmission::Tendon,
+        (_, Some((JointKind::Ball, false))) => Transmission::Ball,
+        (_, Some((JointKind::Ball, true))) => Transmission::BallInParent,
+        (_, Some((JointKind::Free, false))) => Transmission::Free,
+        (_, Some((JointKind::Free, true))) => Transmission::FreeInParent,
         _ => Transmission::Scalar,
     };
+    let first = |prm: &[f64; 10]| [prm[0], prm[1], prm[2]];
     let gain = match a.gain {
         Gain::Fixed => [a.gainprm[0], 0.0, 0.0],
-        Gain::Affine => a.gainprm,
+        Gain::Affine => first(&a.gainprm),
+        Gain::Muscle => [0.0; 3],
     };
     let bias = match a.bias {
-        Bias::None => [0.0; 3],
-        Bias::Affine => a.biasprm,
+        Bias::None | Bias::Muscle => [0.0; 3],
+        Bias::Affine => first(&a.biasprm),
     };
     let groups = spec.option.actuatorgroupdisable;
     let force_range = a.forcerange.unwrap_or_default();
     let mut compiled = Actuator {
         transmission,
-        joint: target as u32,
-        qpos: joint.qpos,
-        dof: joint.dof,
+        joint: target.joint().map_or(NONE, |joint| joint as u32),
+        tendon: if let Target::Tendon(tendon) = target { *tendon as u32 } else { NONE },
+        qpos: joint.map_or(0, |joint| joint.qpos),
+        mounts: Span::default(),
         moments: Span::default(),
+        turns: a.gear[3..] != [0.0; 3],
         gain_affine: gain[1..] != [0.0; 2],
         bias_affine: bias != [0.0; 3],
         ctrl_limited: false,
         force_limited: is_limited(a.forcerange, a.forcelimited) && !bounds::are_none(force_range),
         disabled: u32::try_from(a.group).ok().and_then(|g| groups.checked_shr(g)).is_some_and(|g| g & 1 == 1),
         gear: a.gear,
+        rod: if let spec::Transmission::SliderCrank { rod, .. } = a.transmission { rod } else { 0.0 },
         gain,
         bias,
         ctrl_range: [0.0; 2],
         force_range: bounds::of_clamp(force_range),
+        turning: turns(a, transmission),
+        dynamics: Dynamics::None,
+        act: NONE,
+        act_limited: false,
+        early: a.actearly,
+        smooth: false,
+        muscle_gain: NONE,
+        muscle_bias: NONE,
+        times: [0.0; 3],
+        reach: spec.option.timestep,
+        act_range: [0.0; 2],
     };
+    set_dynamics(&mut compiled, a, spec.option.timestep);
+    set_act_range(&mut compiled, a.actrange.unwrap_or_default(), a.actlimited);
     set_ctrl_range(&mut compiled, a.ctrlrange.unwrap_or_default(), a.ctrllimited);
     compiled
+}
+
+/// Whether setpoints are rotations, of which those that are turns apart are the same.
+fn turns(a: &spec::Actuator, transmission: Transmission) -> bool {
+    let rotation = match transmission {
+        Transmission::Ball | Transmission::BallInParent => true,
+        Transmission::Relative => a.gear[..3] == [0.0; 3] && a.gear[3..] != [0.0; 3],
+        _ => false,
+    };
+    let follows = matches!(a.dynamics, spec::Dynamics::None | spec::Dynamics::Integrator);
+    rotation && follows && a.gain == Gain::Fixed && a.bias == Bias::Affine
+}
+
+/// How the activation follows the control; steps take `timestep`.
+fn set_dynamics(compiled: &mut Actuator<f64>, a: &spec::Actuator, timestep: f64) {
+    let (time, [tense, relax, smooth]) = (a.dynprm[0].max(MINVAL), [a.dynprm[0], a.dynprm[1], a.dynprm[2]]);
+    compiled.dynamics = match a.dynamics {
+        spec::Dynamics::None => Dynamics::None,
+        spec::Dynamics::Integrator => Dynamics::Integrator,
+        spec::Dynamics::Filter | spec::Dynamics::FilterExact => {
+            compiled.times[0] = 1.0 / time;
+            Dynamics::Filter
+        }
+        spec::Dynamics::Muscle => {
+            compiled.smooth = smooth >= MINVAL;
+            compiled.times = [tense, relax, if compiled.smooth { 1.0 / smooth } else { 0.0 }];
+            Dynamics::Muscle
+        }
+    };
+    if a.dynamics == spec::Dynamics::FilterExact {
+        compiled.reach = -time * (-timestep / time).exp_m1();
+    }
+}
+
+/// What a muscle does, by the parameters of its gain or bias, the range of its actuator's lengths, and the acceleration that a unit of
+/// its force causes.
+fn muscle(prm: &[f64; 10], range: [f64; 2], acc0: f64) -> Muscle<f64> {
+    let [from, to, force, scale, lmin, lmax, vmax, fpmax, fvmax, _] = *prm;
+    let unit = (range[1] - range[0]) / (to - from).max(MINVAL);
+    let knees = [0.5 * (lmin + 1.0), 0.5 * (1.0 + lmax)];
+    let widths = [knees[0] - lmin, 1.0 - knees[0], knees[1] - 1.0, lmax - knees[1]];
+    Muscle {
+        start: range[0],
+        low: from,
+        scale: 1.0 / unit.max(MINVAL),
+        speed: 1.0 / (unit * vmax).max(MINVAL),
+        force: if force < 0.0 { scale / acc0.max(MINVAL) } else { force },
+        reach: [lmin, lmax],
+        knees,
+        arcs: widths.map(|width| 1.0 / width.max(MINVAL)),
+        fvmax,
+        fpmax,
+    }
+}
+
+/// Whether an actuator is a muscle whose peak force follows from inertias.
+pub(crate) fn is_scaled_muscle(a: &spec::Actuator) -> bool {
+    a.gain == Gain::Muscle && a.gainprm[2] < 0.0 || a.bias == Bias::Muscle && a.biasprm[2] < 0.0
+}
+
+/// Gives an actuator a range of activation, which is in force if the flag says so.
+fn set_act_range(compiled: &mut Actuator<f64>, range: [f64; 2], flag: spec::Tri) {
+    compiled.act_range = bounds::of_clamp(range);
+    compiled.act_limited = is_limited(Some(range), flag) && !bounds::are_none(range);
 }
 
 /// Gives an actuator a control range, which is in force if the flag says so.
 fn set_ctrl_range(compiled: &mut Actuator<f64>, range: [f64; 2], flag: spec::Tri) {
     compiled.ctrl_range = bounds::of_clamp(range);
     compiled.ctrl_limited = is_limited(Some(range), flag) && !bounds::are_none(range);
-}
-
-/// Derivative of an actuator's length by the dofs of its joint, in the reference configuration.
-fn moment_row(actuator: &Actuator<f64>, joint: &Joint<f64>, derived: &Derived) -> Vec<f64> {
-    let g = actuator.gear;
-    match actuator.transmission {
-        Transmission::Scalar => vec![g[0]],
-        // A ball joint's reference is the identity: both frames agree.
-        Transmission::Ball | Transmission::BallInParent => g[..3].to_vec(),
-        Transmission::Free => g.to_vec(),
-        Transmission::FreeInParent => {
-            let local = derived.orientation(joint.link).conjugate() * DVec3::new(g[3], g[4], g[5]);
-            vec![g[0], g[1], g[2], local.x, local.y, local.z]
-        }
-    }
 }

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use lanesim_kernels::model::NONE;
 use lanesim_kernels::options::{Cone, Integrator, Options, Solver};
 
-use super::actuators::Actuators;
+use super::actuators::{Actuators, Constants, Target};
 use super::derived::Derived;
 use super::joints;
 use super::links::Links;
 use super::order::Scene;
 use super::pairs;
 use crate::model::{Array, ArrayData, Key, Names};
-use crate::spec::{Bias, Gain, JointKind, Shape, Spec, Transmission, is_limited};
+use crate::spec::{Bias, Dynamics, Gain, JointKind, Shape, Spec, Transmission, is_limited};
 
 /// What the arrays show.
 pub(crate) struct Sources<'a> {
@@ -21,7 +21,8 @@ pub(crate) struct Sources<'a> {
     pub links: &'a Links,
     pub tables: &'a lanesim_kernels::model::Model<f64>,
     pub derived: &'a Derived,
-    pub actuators: &'a Actuators,
+    pub tendons: &'a super::tendons::Tendons,
+    pub actuators: (&'a Actuators, &'a [Target], &'a Constants),
     pub held: &'a [super::equality::Objects],
     pub sensed: &'a [[(i32, i32); 2]],
     pub geom_names: &'a Names,
@@ -59,6 +60,7 @@ pub(crate) fn arrays(s: &Sources) -> BTreeMap<&'static str, Array> {
     geoms(s, &mut out);
     sites(s, &mut out);
     contacts(s, &mut out);
+    tendons(s, &mut out);
     equalities(s, &mut out);
     actuators(s, &mut out);
     sensors(s, &mut out);
@@ -246,12 +248,43 @@ fn contacts(s: &Sources, out: &mut Arrays) {
     out.ints("exclude_signature", 0, excludes.into_iter());
 }
 
+fn tendons(s: &Sources, out: &mut Arrays) {
+    let (written, table, own) = (&s.spec.tendons, &s.tables.tendons, s.tendons);
+    let starts = own.counts.iter().scan(0, |next, count| Some(std::mem::replace(next, *next + count)));
+    out.ints("tendon_adr", 0, starts.map(|start: usize| start as i32));
+    out.ints("tendon_num", 0, own.counts.iter().map(|count| *count as i32));
+    out.ints("tendon_group", 0, written.iter().map(|t| t.group));
+    out.ints("tendon_limited", 0, written.iter().map(|t| i32::from(is_limited(t.range, t.limited))));
+    let bounded = |t: &crate::spec::Tendon| is_limited(t.actuatorfrcrange, t.actuatorfrclimited);
+    out.ints("tendon_actfrclimited", 0, written.iter().map(|t| i32::from(bounded(t))));
+    out.reals("tendon_range", 2, written.iter().flat_map(|t| t.range.unwrap_or_default()));
+    out.reals("tendon_actfrcrange", 2, written.iter().flat_map(|t| t.actuatorfrcrange.unwrap_or_default()));
+    out.reals("tendon_margin", 0, written.iter().map(|t| t.margin));
+    out.reals("tendon_solref_lim", 2, written.iter().flat_map(|t| t.solreflimit));
+    out.reals("tendon_solimp_lim", 5, written.iter().flat_map(|t| t.solimplimit));
+    out.reals("tendon_solref_fri", 2, written.iter().flat_map(|t| t.solreffriction));
+    out.reals("tendon_solimp_fri", 5, written.iter().flat_map(|t| t.solimpfriction));
+    out.reals("tendon_stiffness", 0, written.iter().map(|t| t.stiffness[0]));
+    out.reals("tendon_stiffnesspoly", 2, written.iter().flat_map(|t| [t.stiffness[1], t.stiffness[2]]));
+    out.reals("tendon_damping", 0, written.iter().map(|t| t.damping[0]));
+    out.reals("tendon_dampingpoly", 2, written.iter().flat_map(|t| [t.damping[1], t.damping[2]]));
+    out.reals("tendon_armature", 0, written.iter().map(|t| t.armature));
+    out.reals("tendon_frictionloss", 0, written.iter().map(|t| t.frictionloss));
+    out.reals("tendon_lengthspring", 2, table.iter().flat_map(|t| t.rest));
+    out.reals("tendon_length0", 0, own.length0.iter().copied());
+    out.reals("tendon_invweight0", 0, own.invweight0.iter().copied());
+    out.ints("wrap_type", 0, own.points.iter().map(|point| point.0));
+    out.ints("wrap_objid", 0, own.points.iter().map(|point| point.1));
+    out.reals("wrap_prm", 0, own.points.iter().map(|point| point.2));
+}
+
 fn equalities(s: &Sources, out: &mut Arrays) {
-    use lanesim_kernels::model::EqualityKind::{Connect, Joint, Weld};
+    use lanesim_kernels::model::EqualityKind::{Connect, Joint, Tendon, Weld};
     let kind = |kind| match kind {
         Connect => 0,
         Weld => 1,
         Joint => 2,
+        Tendon => 3,
     };
     let written = &s.spec.equalities;
     out.ints("eq_type", 0, s.held.iter().map(|held| kind(held.kind)));
@@ -272,23 +305,63 @@ fn signature(body1: usize, body2: usize) -> i32 {
 fn actuators(s: &Sources, out: &mut Arrays) {
     let written = &s.spec.actuators;
     let table = &s.tables.actuators;
-    let in_parent = |t: &Transmission| matches!(t, Transmission::JointInParent(_));
-    out.ints("actuator_trntype", 0, written.iter().map(|a| i32::from(in_parent(&a.transmission))));
-    out.ints("actuator_trnid", 2, table.iter().flat_map(|a| [a.joint as i32, -1]));
-    out.ints("actuator_dyntype", 0, written.iter().map(|_| 0));
-    out.ints("actuator_gaintype", 0, written.iter().map(|a| i32::from(a.gain == Gain::Affine)));
-    out.ints("actuator_biastype", 0, written.iter().map(|a| i32::from(a.bias == Bias::Affine)));
-    out.ints("actuator_actadr", 0, written.iter().map(|_| -1));
-    out.ints("actuator_actnum", 0, written.iter().map(|_| 0));
+    let (actuators, targets, constants) = s.actuators;
+    let kind = |t: &Transmission| match t {
+        Transmission::Joint(_) => 0,
+        Transmission::JointInParent(_) => 1,
+        Transmission::SliderCrank { .. } => 2,
+        Transmission::Tendon(_) => 3,
+        Transmission::Site { .. } => 4,
+    };
+    let ids = |target: &Target| match target {
+        Target::Joint(target) | Target::Tendon(target) => [*target as i32, -1],
+        Target::Sites(sites) => [0, 1].map(|k| sites.get(k).map_or(-1, |site| *site as i32)),
+    };
+    out.ints("actuator_trntype", 0, written.iter().map(|a| kind(&a.transmission)));
+    out.ints("actuator_trnid", 2, targets.iter().flat_map(ids));
+    out.reals("actuator_cranklength", 0, table.iter().map(|a| a.rod));
+    let dynamics = |dynamics: Dynamics| match dynamics {
+        Dynamics::None => 0,
+        Dynamics::Integrator => 1,
+        Dynamics::Filter => 2,
+        Dynamics::FilterExact => 3,
+        Dynamics::Muscle => 4,
+    };
+    let gain = |gain: Gain| match gain {
+        Gain::Fixed => 0,
+        Gain::Affine => 1,
+        Gain::Muscle => 2,
+    };
+    let bias = |bias: Bias| match bias {
+        Bias::None => 0,
+        Bias::Affine => 1,
+        Bias::Muscle => 2,
+    };
+    out.ints("actuator_dyntype", 0, written.iter().map(|a| dynamics(a.dynamics)));
+    out.ints("actuator_gaintype", 0, written.iter().map(|a| gain(a.gain)));
+    out.ints("actuator_biastype", 0, written.iter().map(|a| bias(a.bias)));
+    let some = |act: u32| act != lanesim_kernels::model::NONE;
+    out.ints("actuator_actadr", 0, table.iter().map(|a| if some(a.act) { a.act as i32 } else { -1 }));
+    out.ints("actuator_actnum", 0, table.iter().map(|a| i32::from(some(a.act))));
+    out.ints("actuator_actearly", 0, written.iter().map(|a| i32::from(a.actearly)));
+    let ranges = &actuators.act_ranges;
+    let limited = written.iter().zip(ranges).map(|(a, &range)| is_limited(Some(range), a.actlimited));
+    out.ints("actuator_actlimited", 0, limited.map(i32::from));
+    out.reals("actuator_actrange", 2, ranges.iter().flatten().copied());
+    out.reals("actuator_dynprm", 10, written.iter().flat_map(|a| a.dynprm));
+    out.reals("actuator_lengthrange", 2, constants.length_ranges.iter().flatten().copied());
     out.ints("actuator_group", 0, written.iter().map(|a| a.group));
-    let ranges = &s.actuators.ctrl_ranges;
+    let ranges = &actuators.ctrl_ranges;
     let limited = written.iter().zip(ranges).map(|(a, &range)| is_limited(Some(range), a.ctrllimited));
     out.ints("actuator_ctrllimited", 0, limited.map(i32::from));
     out.ints("actuator_forcelimited", 0, written.iter().map(|a| i32::from(is_limited(a.forcerange, a.forcelimited))));
-    let ten = |x: [f64; 3]| [x[0], x[1], x[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    out.reals("actuator_gainprm", 10, written.iter().flat_map(|a| ten(a.gainprm)));
+    out.reals("actuator_gainprm", 10, written.iter().flat_map(|a| a.gainprm));
     let bias = |(a, t): (&crate::spec::Actuator, &lanesim_kernels::model::Actuator<f64>)| {
-        ten(if a.bias == Bias::Affine { t.bias } else { a.biasprm })
+        let mut prm = a.biasprm;
+        if a.bias == Bias::Affine {
+            prm[..3].copy_from_slice(&t.bias);
+        }
+        prm
     };
     out.reals("actuator_biasprm", 10, written.iter().zip(table).flat_map(bias));
     out.reals("actuator_ctrlrange", 2, ranges.iter().flatten().copied());
@@ -297,8 +370,8 @@ fn actuators(s: &Sources, out: &mut Arrays) {
     out.reals("actuator_armature", 0, written.iter().map(|a| a.armature));
     out.reals("actuator_damping", 0, written.iter().map(|a| a.damping[0]));
     out.reals("actuator_dampingpoly", 2, written.iter().flat_map(|a| [a.damping[1], a.damping[2]]));
-    out.reals("actuator_acc0", 0, s.actuators.acc0.iter().copied());
-    out.reals("actuator_length0", 0, s.actuators.length0.iter().copied());
+    out.reals("actuator_acc0", 0, constants.acc0.iter().copied());
+    out.reals("actuator_length0", 0, constants.length0.iter().copied());
 }
 
 fn sensors(s: &Sources, out: &mut Arrays) {

@@ -3,11 +3,14 @@
 use std::collections::HashSet;
 
 use super::equality;
+use super::keys::activations;
+use super::lengthrange::MOST_STEPS;
 use super::names::{self, label};
+use super::tendons;
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{
-    Actuator, Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, Pair, Shape, Source, Spec, Transmission, Tri,
-    is_limited,
+    Actuator, Bias, Body, Dynamics, Gain, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Pair, Path,
+    Shape, Source, Spec, Tendon, Transmission, Tri, Waypoint, is_limited,
 };
 use crate::suggest::did_you_mean;
 use crate::unbuilt::unbuilt;
@@ -48,7 +51,7 @@ impl<'a> Element<'a> {
         ok
     }
 
-    fn not_negative(&mut self, attribute: &str, values: &[f64]) {
+    pub fn not_negative(&mut self, attribute: &str, values: &[f64]) {
         if self.finite(attribute, values)
             && let Some(x) = values.iter().find(|&&x| x < 0.0)
         {
@@ -102,7 +105,7 @@ impl<'a> Element<'a> {
     }
 
     /// As [`range`](Self::range); a range in force must not be empty.
-    fn bounds(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) {
+    pub fn bounds(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) {
         let [lo, hi] = range.unwrap_or_default();
         if self.range(attribute, limited, range, flag, autolimits) && lo >= hi {
             self.refuse(format!("{attribute} is empty: {lo} {hi}"), format!("give {attribute} as lower upper"));
@@ -137,6 +140,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
         }
     }
     check_contact(spec, diagnostics);
+    tendons::check(spec, diagnostics);
     equality::check(spec, diagnostics);
     check_actuators(spec, diagnostics);
     check_keys(spec, diagnostics);
@@ -227,6 +231,25 @@ fn check_compiler(spec: &Spec, diagnostics: &mut Diagnostics) {
         setting(spec, "compiler", name, diagnostics, |e| e.not_negative(name, &[x]));
     }
     setting(spec, "compiler", "settotalmass", diagnostics, |e| _ = e.finite("settotalmass", &[c.settotalmass]));
+    let range = &c.lengthrange;
+    let LengthRange { accel, maxforce, timeconst, timestep, inttotal, interval, tolrange, .. } = *range;
+    for (name, x) in [
+        ("accel", accel),
+        ("maxforce", maxforce),
+        ("timeconst", timeconst),
+        ("timestep", timestep),
+        ("inttotal", inttotal),
+        ("interval", interval),
+        ("tolrange", tolrange),
+    ] {
+        setting(spec, "lengthrange", name, diagnostics, |e| e.not_negative(name, &[x]));
+    }
+    let steps = inttotal / if timestep > 0.0 { timestep } else { spec.option.timestep };
+    if steps > MOST_STEPS {
+        setting(spec, "lengthrange", "inttotal", diagnostics, |e| {
+            e.refuse(format!("inttotal takes {steps:.0} steps of timestep"), format!("take at most {MOST_STEPS:.0}"));
+        });
+    }
 }
 
 fn check_body(spec: &Spec, index: usize, body: &Body, diagnostics: &mut Diagnostics) {
@@ -410,34 +433,108 @@ fn check_pair(pair: &Pair, index: usize, geoms: &HashSet<&str>, spec: &Spec, dia
 
 fn check_actuators(spec: &Spec, diagnostics: &mut Diagnostics) {
     let joints = || spec.bodies.iter().flat_map(|b| &b.joints);
+    let sites = spec.bodies.iter().flat_map(|b| &b.sites).map(|s| s.name.as_str()).filter(|name| !name.is_empty());
+    let sites: std::collections::BTreeSet<&str> = sites.collect();
     let by_name: std::collections::HashMap<&str, &Joint> = joints().map(|j| (j.name.as_str(), j)).collect();
     for (i, actuator) in spec.actuators.iter().enumerate() {
-        let (Transmission::Joint(target) | Transmission::JointInParent(target)) = &actuator.transmission;
-        let joint = if target.is_empty() { None } else { by_name.get(target.as_str()).copied() };
         let label = label("actuator", &actuator.name, i);
         let mut element = Element { label, source: &actuator.source, diagnostics };
-        if target.is_empty() {
-            element.refuse("acts on nothing", "name a joint");
-        } else if joint.is_none() {
-            let message = format!("acts on an unknown joint {}", quoted(target));
-            element.unknown(message, target, joints().map(|j| j.name.as_str()));
+        let mut joint = None;
+        if let Some(target) = actuator.transmission.joint() {
+            joint = if target.is_empty() { None } else { by_name.get(target).copied() };
+            if target.is_empty() {
+                element.refuse("acts on nothing", "name a joint");
+            } else if joint.is_none() {
+                let message = format!("acts on an unknown joint {}", quoted(target));
+                element.unknown(message, target, joints().map(|j| j.name.as_str()));
+            }
         }
-        check_actuator(actuator, joint, spec.compiler.autolimits, &mut element);
+        let mut tendon = None;
+        if let Some(target) = actuator.transmission.tendon() {
+            tendon = spec.tendons.iter().find(|tendon| tendon.name == target && !target.is_empty());
+            if tendon.is_none() {
+                let message = format!("acts on an unknown tendon {}", quoted(target));
+                element.unknown(message, target, spec.tendons.iter().map(|tendon| tendon.name.as_str()));
+            }
+        }
+        for (attribute, name) in actuator.transmission.sites() {
+            if !sites.contains(name) {
+                let message = format!("{attribute} names an unknown site {}", quoted(name));
+                element.unknown(message, name, sites.iter().copied());
+            }
+        }
+        check_actuator(actuator, (joint, tendon), spec.compiler.autolimits, &mut element);
     }
 }
 
-fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element: &mut Element) {
+/// Refuses what a tendon cannot give an actuator.
+fn check_by_tendon(a: &Actuator, tendon: &Tendon, element: &mut Element) {
+    let wraps = match &tendon.path {
+        Path::Fixed(_) => false,
+        Path::Spatial(points) => points.iter().any(|point| matches!(point, Waypoint::Geom { .. })),
+    };
+    let name = quoted(&tendon.name);
+    if a.armature > 0.0 && wraps {
+        element.refuse(format!("armature, but tendon {name} wraps a geom"), "remove the armature");
+    }
+    let finite = tendon.range.is_some_and(|[lo, hi]| lo < hi && lo.is_finite() && hi.is_finite());
+    if a.inheritrange > 0.0 && !finite {
+        element.refuse(format!("inheritrange, but tendon {name} has no range"), "give the tendon a range");
+    }
+}
+
+fn check_actuator(
+    a: &Actuator,
+    (joint, tendon): (Option<&Joint>, Option<&Tendon>),
+    autolimits: bool,
+    element: &mut Element,
+) {
+    if let Some(tendon) = tendon {
+        check_by_tendon(a, tendon, element);
+    }
+    if let Transmission::SliderCrank { rod, .. } = a.transmission
+        && (!rod.is_finite() || rod <= 0.0)
+    {
+        element.refuse(format!("cranklength {rod} is no length of a rod"), "give a positive cranklength");
+    }
+    if !a.transmission.sites().is_empty() {
+        if a.armature != 0.0 || a.damping != [0.0; 3] {
+            let message = "armature and damping, which act on a joint, but it acts on sites";
+            element.refuse(message, "give them to joints");
+        }
+        if a.inheritrange > 0.0 {
+            element.refuse("inheritrange, but sites have no range", "give ctrlrange");
+        }
+    }
     element.finite("gear", &a.gear);
     element.finite("gainprm", &a.gainprm);
     element.finite("biasprm", &a.biasprm);
+    element.finite("dynprm", &a.dynprm);
+    if let Some(range) = a.lengthrange {
+        element.finite("lengthrange", &range);
+    }
+    if a.gain == Gain::Muscle {
+        check_muscle(&a.gainprm, element);
+    } else if a.bias == Bias::Muscle {
+        check_muscle(&a.biasprm, element);
+    }
+    if a.dynamics != Dynamics::None {
+        element.bounds("actrange", "actlimited", a.actrange, a.actlimited, autolimits);
+    } else if is_limited(a.actrange, a.actlimited) {
+        element.refuse("actrange or actlimited, but it has no activation", "remove it");
+    }
     element.not_negative("dampratio", &[a.dampratio]);
     element.not_negative("armature", &[a.armature]);
     element.finite("damping", &a.damping);
     element.not_negative("damping", &a.damping[..1]);
     element.finite("inheritrange", &[a.inheritrange]);
     if a.inheritrange > 0.0 {
-        if a.ctrlrange.is_some() {
-            element.refuse("has both ctrlrange and inheritrange", "keep one of them");
+        let (ranged, name) = match a.dynamics {
+            Dynamics::Integrator => (a.actrange, "actrange"),
+            _ => (a.ctrlrange, "ctrlrange"),
+        };
+        if ranged.is_some() {
+            element.refuse(format!("has both {name} and inheritrange"), "keep one of them");
         }
         if let Some(joint) = joint {
             if !matches!(joint.kind, JointKind::Hinge | JointKind::Slide) {
@@ -457,12 +554,29 @@ fn check_actuator(a: &Actuator, joint: Option<&Joint>, autolimits: bool, element
     element.bounds("forcerange", "forcelimited", a.forcerange, a.forcelimited, autolimits);
 }
 
+/// Refuses parameters of which no muscle can be.
+fn check_muscle(prm: &[f64; 10], element: &mut Element) {
+    let [from, to, _, scale, lmin, lmax, vmax, fpmax, fvmax, _] = *prm;
+    if from >= to {
+        element.refuse(format!("a muscle of the range {from} {to}"), "give range as lower upper");
+    }
+    if lmin >= 1.0 || lmax <= 1.0 {
+        element.refuse(format!("a muscle with lmin {lmin} and lmax {lmax}"), "give lmin below 1 and lmax above");
+    }
+    for (name, x) in [("scale", scale), ("vmax", vmax), ("fpmax", fpmax), ("fvmax", fvmax)] {
+        if x <= 0.0 {
+            element.refuse(format!("a muscle with {name} {x}"), format!("give a positive {name}"));
+        }
+    }
+}
+
 fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
     let kinds = || spec.bodies.iter().flat_map(|body| &body.joints).map(|joint| joint.kind);
     let (nq, nv): (usize, usize) = (kinds().map(qpos_count).sum(), kinds().map(dof_count).sum());
     let nmocap = spec.bodies.iter().filter(|b| b.mocap).count();
     // Every keyframe is kept in full, however little of it is written.
-    let each = nq + nv + spec.actuators.len() + 7 * nmocap;
+    let na = activations(spec);
+    let each = nq + nv + na + spec.actuators.len() + 7 * nmocap;
     let most = MOST_KEY_NUMBERS / each.max(1);
     if let Some(key) = spec.keys.get(most) {
         let message = format!("{} keyframes of {each} numbers each are more than can be kept", spec.keys.len());
@@ -472,16 +586,16 @@ fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
     for (i, key) in spec.keys.iter().enumerate() {
         let label = label("key", &key.name, i);
         let mut element = Element { label, source: &key.source, diagnostics };
-        check_key(key, [nq, nv, spec.actuators.len(), nmocap], &mut element);
+        check_key(key, [nq, nv, na, spec.actuators.len(), nmocap], &mut element);
     }
 }
 
-fn check_key(key: &Key, [nq, nv, nu, nmocap]: [usize; 4], element: &mut Element) {
+fn check_key(key: &Key, [nq, nv, na, nu, nmocap]: [usize; 5], element: &mut Element) {
     element.finite("time", &[key.time]);
     let fields = [
         ("qpos", &key.qpos, nq),
         ("qvel", &key.qvel, nv),
-        ("act", &key.act, 0),
+        ("act", &key.act, na),
         ("ctrl", &key.ctrl, nu),
         ("mpos", &key.mpos, 3 * nmocap),
         ("mquat", &key.mquat, 4 * nmocap),

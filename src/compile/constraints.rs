@@ -1,12 +1,12 @@
-//! Impedance of constraints; joint limits and dry friction.
+//! Impedance of constraints; limits and dry friction of joints and tendons.
 
-use lanesim_kernels::model::{FrictionLoss, Impedance, Limit};
+use lanesim_kernels::model::{FrictionLoss, Impedance, Limit, NONE, Tendon};
 use lanesim_kernels::options::{Integrator, Options};
 
 use super::bounds;
 use super::check::dof_count;
 use super::order::Scene;
-use crate::spec::is_limited;
+use crate::spec::{self, Spec, is_limited};
 
 const MINVAL: f64 = 1e-15;
 const MINIMP: f64 = 1e-4;
@@ -77,8 +77,26 @@ fn at_zero(i: &Impedance<f64>) -> f64 {
     if i.flat { 0.5 * (i.dmin + i.dmax) } else { i.dmin }
 }
 
-/// The joint limits in force, in the order of joints.
-pub(crate) fn limits(options: &Options, scene: &Scene, dof_invweight0: &[f64]) -> Vec<Limit<f64>> {
+/// What rows on joints and tendons are weighed by.
+#[derive(Clone, Copy)]
+pub(crate) struct InverseWeights<'a> {
+    pub dofs: &'a [f64],
+    pub tendons: &'a [f64],
+}
+
+/// The tendons that something moves, with their numbers: nothing acts along others.
+fn moved<'a>(spec: &'a Spec, tendons: &'a [Tendon<f64>]) -> impl Iterator<Item = (u32, &'a spec::Tendon)> {
+    (0..).zip(&spec.tendons).zip(tendons).filter(|(_, table)| table.dofs.len > 0).map(|(written, _)| written)
+}
+
+/// The limits in force, in the order of joints, then of tendons.
+pub(crate) fn limits(
+    spec: &Spec,
+    scene: &Scene,
+    tendons: &[Tendon<f64>],
+    weights: InverseWeights<'_>,
+) -> Vec<Limit<f64>> {
+    let options = &spec.option;
     if !options.flags.limit || !options.flags.constraint {
         return Vec::new();
     }
@@ -90,6 +108,7 @@ pub(crate) fn limits(options: &Options, scene: &Scene, dof_invweight0: &[f64]) -
             return None;
         }
         Some(Limit {
+            tendon: NONE,
             joint: index as u32,
             dof: j.dof as u32,
             qpos: j.qpos as u32,
@@ -97,10 +116,26 @@ pub(crate) fn limits(options: &Options, scene: &Scene, dof_invweight0: &[f64]) -
             range: range_of(spec),
             margin: spec.margin,
             impedance: impedance(options, Bound::Below, spec.solreflimit, spec.solimplimit),
-            invweight: dof_invweight0[j.dof],
+            invweight: weights.dofs[j.dof],
         })
     };
-    scene.joints.iter().enumerate().filter_map(limited).collect()
+    let of_tendon = |(t, tendon): (u32, &spec::Tendon)| {
+        let range = tendon.range.unwrap_or_default();
+        let in_force = is_limited(tendon.range, tendon.limited) && !bounds::are_none(range);
+        in_force.then(|| Limit {
+            tendon: t,
+            joint: 0,
+            dof: 0,
+            qpos: 0,
+            ball: false,
+            range: bounds::of_limit(range),
+            margin: tendon.margin,
+            impedance: impedance(options, Bound::Below, tendon.solreflimit, tendon.solimplimit),
+            invweight: weights.tendons[t as usize],
+        })
+    };
+    let joints = scene.joints.iter().enumerate().filter_map(limited);
+    joints.chain(moved(spec, tendons).filter_map(of_tendon)).collect()
 }
 
 /// The range of a limit: of a ball joint, 0 and an angle.
@@ -109,28 +144,45 @@ fn range_of(joint: &crate::spec::Joint) -> [f64; 2] {
     if joint.kind == crate::spec::JointKind::Ball { [0.0, hi.max(0.0)] } else { [lo, hi] }
 }
 
-/// Dry friction in force, in the order of dofs.
-pub(crate) fn friction_losses(options: &Options, scene: &Scene, dof_invweight0: &[f64]) -> Vec<FrictionLoss<f64>> {
+/// Dry friction in force, in the order of dofs, then of tendons.
+pub(crate) fn friction_losses(
+    spec: &Spec,
+    scene: &Scene,
+    tendons: &[Tendon<f64>],
+    weights: InverseWeights<'_>,
+) -> Vec<FrictionLoss<f64>> {
+    let options = &spec.option;
     if !options.flags.frictionloss || !options.flags.constraint {
         return Vec::new();
     }
     let mut losses = Vec::new();
     for j in scene.joints.iter().filter(|j| j.spec.frictionloss > 0.0) {
-        let i = impedance(options, Bound::Other, j.spec.solreffriction, j.spec.solimpfriction);
-        let d = at_zero(&i);
-        // In a discrete step, 1 + h b times less, but no less than the largest impedance has.
-        let (own, least, b) = ((1.0 - d) / d, (1.0 - MAXIMP) / MAXIMP, damping(options, i.b));
-        let share = if b == i.b { own } else { (own * b / i.b).max(least) };
+        let (share, b) = friction(options, j.spec.solreffriction, j.spec.solimpfriction);
         for dof in j.dof..j.dof + dof_count(j.spec.kind) {
             losses.push(FrictionLoss {
+                tendon: NONE,
                 dof: dof as u32,
                 bound: j.spec.frictionloss,
-                r: (share * dof_invweight0[dof]).max(MINVAL),
+                r: (share * weights.dofs[dof]).max(MINVAL),
                 b,
             });
         }
     }
+    for (t, tendon) in moved(spec, tendons).filter(|(_, tendon)| tendon.frictionloss > 0.0) {
+        let (share, b) = friction(options, tendon.solreffriction, tendon.solimpfriction);
+        let r = (share * weights.tendons[t as usize]).max(MINVAL);
+        losses.push(FrictionLoss { tendon: t, dof: 0, bound: tendon.frictionloss, r, b });
+    }
     losses
+}
+
+/// Of dry friction, R over the inverse weight, and the damping of its reference.
+fn friction(options: &Options, solref: [f64; 2], solimp: [f64; 5]) -> (f64, f64) {
+    let i = impedance(options, Bound::Other, solref, solimp);
+    let d = at_zero(&i);
+    // In a discrete step, 1 + h b times less, but no less than the largest impedance has.
+    let (own, least, b) = ((1.0 - d) / d, (1.0 - MAXIMP) / MAXIMP, damping(options, i.b));
+    (if b == i.b { own } else { (own * b / i.b).max(least) }, b)
 }
 
 /// Stiffness and damping of each joint with `springdamper`, by joint: (joint, stiffness, damping).

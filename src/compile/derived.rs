@@ -5,11 +5,14 @@
 //! them accurate on long chains; they are shifted on the way from link to link.
 
 use glam::{DMat3, DQuat, DVec3};
-use lanesim_kernels::model::{Dof, DofKind, Joint, JointKind, Link, NONE};
+use lanesim_kernels::model::{Dof, DofKind, Joint, JointKind, Link, MomentDof, NONE};
 
+use super::heavy::Heavy;
 use super::links::Links;
 use super::order::Scene;
 use super::pose::{rotation, skew, unit_quat};
+use super::response::Response;
+use crate::spec;
 
 /// A motion or a force: rotational and translational part.
 #[derive(Clone, Copy, Debug)]
@@ -108,14 +111,14 @@ pub(super) struct Hinge {
 pub(crate) struct Derived {
     /// The backward quantities of every dof.
     pub(super) hinges: Vec<Hinge>,
-    /// Orientation of every link.
-    orientations: Vec<DQuat>,
     /// Diagonal of the inertia matrix.
     pub dof_m0: Vec<f64>,
     /// Inverse weight of each dof, the mean over the dofs of a rotation or translation.
     pub dof_invweight0: Vec<f64>,
     /// Translational and rotational inverse weight of each body.
     pub body_invweight0: Vec<[f64; 2]>,
+    /// The inertia matrix with armature of tendons, if they have any.
+    heavy: Option<Heavy>,
 }
 
 impl Derived {
@@ -149,12 +152,63 @@ impl Derived {
             body_invweight0[b] = [weight, 0.0];
             dof_invweight0[table[links.body_link[b] as usize].dofs.range()].fill(weight);
         }
-        Derived { hinges, orientations, dof_m0, dof_invweight0, body_invweight0 }
+        Derived { hinges, dof_m0, dof_invweight0, body_invweight0, heavy: None }
     }
 
-    /// Orientation of a link in the reference configuration.
-    pub fn orientation(&self, link: u32) -> DQuat {
-        self.orientations[link as usize]
+    /// Takes armature of tendons into account.
+    pub fn with_tendons(&mut self, heavy: Heavy, scene: &Scene, links: &Links, joints: &[Joint<f64>]) {
+        let mut weights = heavy.dofs();
+        average(&mut weights, joints);
+        for (b, body) in scene.bodies.iter().enumerate().filter(|(b, _)| links.body_link[*b] != NONE) {
+            let link = links.body_link[b];
+            let mut dofs = links.links[link as usize].dofs.range();
+            if is_slider(scene, links, b) && !dofs.any(|dof| heavy.holds(dof)) {
+                let own = links.links[link as usize].dofs.range();
+                weights[own.clone()].copy_from_slice(&self.dof_invweight0[own]);
+                continue;
+            }
+            let com = links.body_pose[b].then(&body.mass.frame).pos;
+            self.body_invweight0[b] = heavy.body(link, com.to_array());
+        }
+        self.dof_invweight0 = weights;
+        self.heavy = Some(heavy);
+    }
+
+    /// What a force on some dofs accelerates, where tendons have armature.
+    pub(super) fn heavy_response(&self, dofs: &[MomentDof], moment: &[f64]) -> Option<Response> {
+        let force = || dofs.iter().map(|entry| entry.dof as usize).zip(moment.iter().copied());
+        let qacc = self.heavy.is_some().then(|| self.response(force()))?;
+        let along = force().map(|(dof, x)| x * qacc[dof]).sum();
+        Some(Response { norm: qacc.iter().map(|a| a * a).sum::<f64>().sqrt(), along })
+    }
+
+    /// Accelerations of all dofs that a generalised force causes, given where it acts.
+    pub fn response(&self, force: impl Iterator<Item = (usize, f64)>) -> Vec<f64> {
+        let mut left = vec![0.0; self.hinges.len()];
+        force.for_each(|(dof, x)| left[dof] += x);
+        if let Some(heavy) = &self.heavy {
+            return heavy.response(left);
+        }
+        let mut bias = vec![Spatial::ZERO; self.hinges.len()];
+        for (k, hinge) in self.hinges.iter().enumerate().rev() {
+            left[k] -= hinge.axis.dot(bias[k]);
+            if hinge.parent != NONE {
+                let mut passed = bias[k];
+                passed.add_scaled(hinge.force, left[k] / hinge.inertia);
+                bias[hinge.parent as usize].add_scaled(passed.force_to_parent(hinge.shift), 1.0);
+            }
+        }
+        let mut motion: Vec<Spatial> = Vec::with_capacity(self.hinges.len());
+        for (hinge, left) in self.hinges.iter().zip(&mut left) {
+            let mut own = match hinge.parent {
+                NONE => Spatial::ZERO,
+                parent => motion[parent as usize].motion_to_child(hinge.shift),
+            };
+            *left = (*left - hinge.force.dot(own)) / hinge.inertia;
+            own.add_scaled(hinge.axis, *left);
+            motion.push(own);
+        }
+        left
     }
 }
 
@@ -293,24 +347,38 @@ fn average(weights: &mut [f64], joints: &[Joint<f64>]) {
     }
 }
 
-/// Whether a body only slides: on the world, alone, along coordinate axes, with its frame in its centre of mass and along
-/// its principal axes. MuJoCo gives such bodies the inverse of their mass as weight, in every direction and without
-/// armature.
+/// Whether a body only slides, and is simple. MuJoCo gives such bodies the inverse of their mass as weight, in every direction and
+/// without armature.
 fn is_slider(scene: &Scene, links: &Links, b: usize) -> bool {
+    let slides = scene.joints[scene.bodies[b].joints.clone()].iter().all(|j| j.spec.kind == spec::JointKind::Slide);
+    slides && is_simple(scene, links, b)
+}
+
+/// Whether a body moves on the world, alone, along and about coordinate axes, and turns last, with its frame in its centre of mass and
+/// along its principal axes. MuJoCo keeps only the diagonal of the inertia matrix of such bodies, and of what is added to it.
+pub(super) fn is_simple(scene: &Scene, links: &Links, b: usize) -> bool {
     const NEAR: f64 = 1e-6;
     let body = &scene.bodies[b];
-    let sliding = |j: &super::order::Joint| {
-        let off_axis = j.spec.axis.iter().filter(|x| x.abs() > 1e-14 * DVec3::from(j.spec.axis).length()).count() > 1;
-        j.spec.kind == crate::spec::JointKind::Slide && !off_axis && j.spec.pos.iter().all(|x| x.abs() < NEAR)
+    let along_axes = |j: &super::order::Joint| {
+        let aside = j.spec.axis.iter().filter(|x| x.abs() > 1e-14 * DVec3::from(j.spec.axis).length()).count() > 1;
+        let centred = j.spec.pos.iter().all(|x| x.abs() < NEAR);
+        match j.spec.kind {
+            spec::JointKind::Slide | spec::JointKind::Hinge => centred && !aside,
+            spec::JointKind::Ball => centred,
+            spec::JointKind::Free => true,
+        }
     };
     let frame = &body.mass.frame;
     let turned = DVec3::new(frame.quat.x, frame.quat.y, frame.quat.z);
+    let joints = &scene.joints[body.joints.clone()];
+    let before_last = &joints[..joints.len().saturating_sub(1)];
     // Bodies are numbered depth first: a child would be next.
     let lone = scene.bodies.get(b + 1).is_none_or(|next| next.parent != b);
     b > 0
         && lone
-        && !body.joints.is_empty()
-        && scene.joints[body.joints.clone()].iter().all(sliding)
+        && !joints.is_empty()
+        && joints.iter().all(along_axes)
+        && before_last.iter().all(|j| j.spec.kind == spec::JointKind::Slide)
         && links.links[links.body_link[b] as usize].parent == NONE
         && frame.pos.abs().max_element() < NEAR
         && turned.abs().max_element() < NEAR

@@ -1,6 +1,6 @@
 //! Constants that leave the range of numbers: no table holds one, in double precision or rounded to single.
 
-use lanesim_kernels::model::{Model, Representable};
+use lanesim_kernels::model::{Model, NONE, Representable};
 
 use super::derived::Derived;
 use super::names::label;
@@ -52,11 +52,18 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
         at(joint(dof.joint as usize), (!inertia.representable()).then_some("inertia"));
         at(joint(dof.joint as usize), (!weight.representable()).then_some("inverse weight"));
     }
+    let tendon = |i: usize| (&spec.tendons[i].source, label("tendon", &spec.tendons[i].name, i));
+    let of = |t: u32, j: u32| if t == NONE { joint(j as usize) } else { tendon(t as usize) };
     for entry in &tables.limits {
-        at(joint(entry.joint as usize), entry.overflow());
+        at(of(entry.tendon, entry.joint), entry.overflow());
     }
     for entry in &tables.friction_losses {
-        at(joint(tables.dofs[entry.dof as usize].joint as usize), entry.overflow());
+        at(of(entry.tendon, tables.dofs[entry.dof as usize].joint), entry.overflow());
+    }
+    for (i, entry) in tables.tendons.iter().enumerate() {
+        at(tendon(i), entry.overflow());
+        at(tendon(i), tables.tendon_dofs[entry.dofs.range()].iter().find_map(|dof| dof.overflow()));
+        at(tendon(i), tables.stretches[entry.stretches.range()].iter().find_map(|stretch| stretch.overflow()));
     }
     for entry in &tables.geoms {
         at(geom(entry.id as usize), entry.overflow());
@@ -72,6 +79,9 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
     }
     for (i, (entry, actuator)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
         at((&actuator.source, label("actuator", &actuator.name, i)), entry.overflow());
+        for mount in &tables.mounts[entry.mounts.range()] {
+            at((&actuator.source, label("actuator", &actuator.name, i)), mount.overflow());
+        }
     }
     let world = || (&scene.bodies[0].spec.source, "model".to_string());
     at(world(), (!tables.mean_inertia.representable()).then_some("mean inertia"));

@@ -5,6 +5,7 @@ use lanesim_kernels::model::{AxisKind, Dof, DofKind, Joint, JointKind, NONE};
 
 use super::actuators::Reflected;
 use super::bounds;
+use super::derived;
 use super::links::Links;
 use super::order::{self, Scene};
 use super::pose::snap;
@@ -102,6 +103,7 @@ pub(crate) fn dofs(scene: &Scene, links: &Links, reflected: &[Reflected]) -> Vec
                     _ if parent == NONE => NONE,
                     _ => dofs[parent as usize].free_base,
                 },
+                simple: derived::is_simple(scene, links, j.body),
                 damped: false,
                 damping_linear: true,
                 armature: j.spec.armature + reflected[index].armature,

@@ -12,9 +12,11 @@ mod constraints;
 mod derived;
 mod equality;
 mod finite;
+mod heavy;
 mod inertia;
 mod joints;
 mod keys;
+mod lengthrange;
 mod links;
 mod meshes;
 mod names;
@@ -25,6 +27,7 @@ mod report;
 mod response;
 mod rows;
 mod sensors;
+mod tendons;
 #[cfg(test)]
 mod tests;
 
@@ -39,10 +42,13 @@ use crate::diagnostics::Diagnostics;
 use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
 use crate::spec::{Source, Spec};
 use actuators::Actuators;
+use constraints::InverseWeights;
+use heavy::Heavy;
 use links::Links;
 use order::Scene;
 pub(crate) use pairs::MINMU;
 use sensors::Sensors;
+use tendons::Tendons;
 
 /// Compiles a model, or says everything that is wrong with it.
 ///
@@ -77,11 +83,18 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
 
     let names = element_names(spec, &scene);
     let links = Links::new(&scene);
-    let targets = actuators::targets(spec, &names.joints);
+    let targets = actuators::targets(spec, &names);
     let reflected = actuators::reflected(spec, &targets, scene.joints.len());
     let mut joints = joints::joints(&scene, &links);
     let mut dofs = joints::dofs(&scene, &links, &reflected);
-    let derived = derived::Derived::new(&scene, &links, &joints, &dofs);
+    let on_tendons = actuators::reflected_on_tendons(spec, &targets);
+    let mut tendons = Tendons::new(spec, &scene, &links, (&joints, &dofs), &names, &on_tendons);
+    tendons.check_discrete(spec, &mut diagnostics);
+    let mut derived = derived::Derived::new(&scene, &links, &joints, &dofs);
+    if let Some(heavy) = tendons.heavy(&scene, &links, (&joints, &dofs)) {
+        derived.with_tendons(heavy, &scene, &links, &joints);
+    }
+    tendons.weigh(&derived);
     for (j, stiffness, damping) in constraints::springdampers(&scene, &derived.dof_invweight0) {
         joints[j].stiffness = [stiffness, 0.0, 0.0];
         joints[j].spring = true;
@@ -90,15 +103,20 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
             joints::set_damping(dof, [damping, 0.0, 0.0], &reflected[j]);
         }
     }
-    let actuators = actuators::actuators(spec, &scene, &targets, &joints, &derived);
+    let actuators = actuators::actuators(spec, (&scene, &links, &tendons), &targets, &joints, &dofs);
     let weights = &derived.body_invweight0;
     let pairs = pairs::pairs(spec, &scene, &links, &dofs, weights, (&names.geoms, &meshes), &mut diagnostics);
-    let equalities = equality::Equalities::new(spec, &scene, &links, &dofs, &derived, &names).unwrap_or_else(|n| {
-        let message = format!("the Jacobians of equality constraints have {n} entries and more");
-        diagnostics.push(&Source::default(), "", message, "split the model, or hold bodies nearer to the world");
-        Default::default()
-    });
-    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &equalities).unwrap_or_else(|n| {
+    let equalities =
+        equality::Equalities::new(spec, &scene, &links, &dofs, &derived, &tendons, &names).unwrap_or_else(|n| {
+            let message = format!("the Jacobians of equality constraints have {n} entries and more");
+            diagnostics.push(&Source::default(), "", message, "split the model, or hold bodies nearer to the world");
+            Default::default()
+        });
+    let inverse = InverseWeights { dofs: &derived.dof_invweight0, tendons: &tendons.invweight0 };
+    let limits = constraints::limits(spec, &scene, &tendons.table, inverse);
+    let friction_losses = constraints::friction_losses(spec, &scene, &tendons.table, inverse);
+    let along = tendons.joining(&limits, &friction_losses);
+    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &equalities, &along).unwrap_or_else(|n| {
         let message = format!("{n} degrees of freedom are coupled: the inertia matrix is too large");
         diagnostics.push(
             &Source::default(),
@@ -108,17 +126,23 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         );
         Default::default()
     });
-    let limits = constraints::limits(&spec.option, &scene, &derived.dof_invweight0);
-    let sensors = sensors::Sources { spec, scene: &scene, links: &links, names: &names, limits: &limits };
+    let sensors = sensors::Sources {
+        spec,
+        scene: &scene,
+        links: &links,
+        names: &names,
+        limits: &limits,
+        mounts: &actuators.mounts,
+    };
     let sensors = Sensors::new(&sensors, &mut diagnostics);
     diagnostics.into_result()?;
 
     let keys = keys::keys(spec, &scene);
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
-        sizes: sizes(&scene, &links, &actuators, &pairs, &equalities, &sensors, nm),
+        sizes: sizes(&scene, &links, &tendons, &actuators, &pairs, &equalities, &sensors, nm),
         options: spec.option.clone().limited(),
-        features: features(&spec.option, &links, &joints, &dofs, &actuators),
+        features: features(&spec.option, &links, &joints, &dofs, &tendons.table, &actuators),
         joints,
         dofs,
         levers: Vec::new(),
@@ -127,15 +151,21 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         hulls: pairs.hulls.into(),
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
+        tendons: tendons.table.clone(),
+        tendon_dofs: tendons.dofs.clone(),
+        stretches: tendons.stretches.clone(),
+        stretch_dofs: tendons.stretch_dofs.clone(),
         limits,
-        friction_losses: constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0),
+        friction_losses,
         equalities: equalities.table,
         equality_dofs: equalities.dofs,
         eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
         fluids: fluids(&spec.option, &links, &scene),
         actuators: actuators.table.clone(),
-        sensors: sensors.table,
         mounts: sensors.mounts,
+        moment_dofs: actuators.moment_dofs.clone(),
+        muscles: Vec::new(),
+        sensors: sensors.table,
         targets: sensors.targets,
         rows,
         tree_pattern: Default::default(),
@@ -149,12 +179,14 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
     let mut tables = kernel::Model { tree_pattern, levers, ..tables };
     tables.blur = blur(&tables);
+    let mut diagnostics = Diagnostics::default();
+    let constants = actuators::constants(spec, &derived, &mut tables, &mut diagnostics);
     // What is implicit needs the matrix.
     if articulated::pays(&tables) && !Stage::Derivative.present(&tables) {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
     }
-    let mut diagnostics = Diagnostics::default();
     finite::check(spec, &scene, &tables, &derived, &mut diagnostics);
+    actuators::check_discrete(spec, &tables, &mut diagnostics);
     diagnostics.into_result()?;
     notes.extend(equality::notes(spec, &tables));
     let arrays = arrays::arrays(&arrays::Sources {
@@ -163,7 +195,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         links: &links,
         tables: &tables,
         derived: &derived,
-        actuators: &actuators,
+        tendons: &tendons,
+        actuators: (&actuators, &targets, &constants),
         held: &equalities.held,
         sensed: &sensors.objects,
         geom_names: &names.geoms,
@@ -183,6 +216,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
             frictions: pairs.frictions,
             spring_dampers: scene.joints.iter().any(|joint| joint.spec.springdamper[0] > 0.0),
             spec: spec.clone(),
+            scaled_muscles: spec.actuators.iter().any(actuators::is_scaled_muscle),
             damping_ratios: spec.actuators.iter().any(|actuator| actuator.dampratio > 0.0),
         },
     }))
@@ -213,13 +247,18 @@ pub(crate) fn reweigh(spec: &Spec, weights: &Weights<'_>, tables: &mut kernel::M
     }
     tables.bodies = links.bodies(&scene);
     tables.potential_still = potential(&links.still(&scene), tables.gravity);
-    let derived = derived::Derived::new(&scene, &links, &tables.joints, &tables.dofs);
-    tables.limits = constraints::limits(&spec.option, &scene, &derived.dof_invweight0);
-    tables.friction_losses = constraints::friction_losses(&spec.option, &scene, &derived.dof_invweight0);
+    let mut derived = derived::Derived::new(&scene, &links, &tables.joints, &tables.dofs);
+    if let Some(heavy) = Heavy::new(tables) {
+        derived.with_tendons(heavy, &scene, &links, &tables.joints);
+    }
+    let tendons = tendons::reweigh(tables, &derived);
+    let inverse = InverseWeights { dofs: &derived.dof_invweight0, tendons: &tendons };
+    tables.limits = constraints::limits(spec, &scene, &tables.tendons, inverse);
+    tables.friction_losses = constraints::friction_losses(spec, &scene, &tables.tendons, inverse);
     tables.mean_inertia = mean(&derived.dof_m0);
     if !tables.equalities.is_empty() {
         let held = equality::all_objects(spec, &scene, &element_names(spec, &scene));
-        equality::Equalities::reweigh(&mut tables.equalities, &held, &scene, &derived);
+        equality::Equalities::reweigh(&mut tables.equalities, &held, &scene, &derived, &tendons);
     }
     let weight = |geom: u32| derived.body_invweight0[scene.geoms[tables.geoms[geom as usize].id as usize].body][0];
     for pair in &mut tables.pairs {
@@ -242,6 +281,7 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
         joints: Names::new(scene.joints.iter().map(|j| j.spec.name.clone()).collect()),
         geoms: Names::new(scene.geoms.iter().map(|g| g.spec.name.clone()).collect()),
         sites: Names::new(scene.sites.iter().map(|s| s.spec.name.clone()).collect()),
+        tendons: Names::new(spec.tendons.iter().map(|t| t.name.clone()).collect()),
         equalities: Names::new(spec.equalities.iter().map(|e| e.name.clone()).collect()),
         actuators: Names::new(spec.actuators.iter().map(|a| a.name.clone()).collect()),
         sensors: Names::new(spec.sensors.iter().map(|s| s.name.clone()).collect()),
@@ -252,6 +292,7 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
 fn sizes(
     scene: &Scene,
     links: &Links,
+    tendons: &Tendons,
     actuators: &Actuators,
     pairs: &pairs::Pairs,
     equalities: &equality::Equalities,
@@ -266,8 +307,8 @@ fn sizes(
         nq: scene.nq,
         nv: scene.nv,
         nu: actuators.table.len(),
-        nmoment: actuators.nmoment,
-        na: 0,
+        nmoment: actuators.moment_dofs.len(),
+        na: actuators.na,
         nbody: scene.bodies.len(),
         njnt: scene.joints.len(),
         ngeom: scene.geoms.len(),
@@ -286,6 +327,8 @@ fn sizes(
         nsensordata: sensors.ndata,
         nsensoracc: if measures(SensorKind::of_accelerations) { links.links.len() } else { 0 },
         nsensorquat: if measures(|kind| kind == SensorKind::FrameQuat) || welded { links.links.len() } else { 0 },
+        ntendon: tendons.table.len(),
+        ntj: tendons.dofs.len(),
     }
 }
 
@@ -300,14 +343,15 @@ fn features(
     links: &Links,
     joints: &[kernel::Joint<f64>],
     dofs: &[kernel::Dof<f64>],
+    tendons: &[kernel::Tendon<f64>],
     actuators: &Actuators,
 ) -> Features {
     let flags = &options.flags;
     let damped = dofs.iter().any(|d| d.damped);
     let weight = flags.gravity && options.gravity != [0.0; 3];
     Features {
-        springs: flags.spring && joints.iter().any(|j| j.spring),
-        dampers: flags.damper && damped,
+        springs: flags.spring && (joints.iter().any(|j| j.spring) || tendons.iter().any(|t| t.spring)),
+        dampers: flags.damper && (damped || tendons.iter().any(|t| t.damped)),
         // Without springs and dampers there are no passive forces at all.
         gravcomp: weight && (flags.spring || flags.damper) && links.links.iter().any(|l| l.gravcomp != 0.0),
         fluid: (options.density > 0.0 || options.viscosity > 0.0)

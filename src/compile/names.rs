@@ -19,6 +19,7 @@ pub(crate) fn check_unique(spec: &Spec, diagnostics: &mut Diagnostics) {
     unique("site", bodies.iter().flat_map(|b| &b.sites).map(|s| (&s.name, &s.source)), diagnostics);
     unique("pair", spec.pairs.iter().map(|p| (&p.name, &p.source)), diagnostics);
     unique("exclude", spec.excludes.iter().map(|e| (&e.name, &e.source)), diagnostics);
+    unique("tendon", spec.tendons.iter().map(|t| (&t.name, &t.source)), diagnostics);
     unique("equality", spec.equalities.iter().map(|e| (&e.name, &e.source)), diagnostics);
     unique("actuator", spec.actuators.iter().map(|a| (&a.name, &a.source)), diagnostics);
     unique("sensor", spec.sensors.iter().map(|s| (&s.name, &s.source)), diagnostics);

@@ -11,7 +11,7 @@ use super::names::label;
 use super::pose::Pose;
 use super::report::List;
 use crate::diagnostics::Diagnostics;
-use crate::spec::{self, Held, InertiaFromGeom, JointKind, ObjectKind, Spec};
+use crate::spec::{self, Held, InertiaFromGeom, JointKind, ObjectKind, Path, Spec, Waypoint};
 
 /// A body in its place.
 pub(crate) struct Body<'a> {
@@ -171,7 +171,7 @@ fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
     let excluded = spec.excludes.iter().flat_map(|e| [e.body1.as_str(), e.body2.as_str()]);
     let held = spec.equalities.iter().flat_map(|equality| match &equality.held {
         Held::Points { bodies, .. } | Held::Frames { bodies, .. } => bodies.each_ref().map(String::as_str),
-        Held::Sites(_) | Held::SiteFrames { .. } | Held::Joints { .. } => [""; 2],
+        Held::Sites(_) | Held::SiteFrames { .. } | Held::Joints { .. } | Held::Tendons { .. } => [""; 2],
     });
     let sensed = spec.sensors.iter().flat_map(|sensor| sensor.object.iter().chain(&sensor.reference));
     let sensed = sensed.filter(|object| matches!(object.kind, ObjectKind::Body | ObjectKind::XBody));
@@ -242,7 +242,16 @@ fn align(spec: &Spec, drafts: &mut [Draft]) {
 
 /// Drops geoms that never collide and that nothing names.
 fn discard(spec: &Spec, drafts: &mut [Draft], notes: &mut Vec<String>) {
-    let named: HashSet<&str> = spec.pairs.iter().flat_map(|p| [p.geom1.as_str(), p.geom2.as_str()]).collect();
+    let wrapped = spec.tendons.iter().flat_map(|tendon| match &tendon.path {
+        Path::Fixed(_) => &[][..],
+        Path::Spatial(points) => points,
+    });
+    let wrapped = wrapped.filter_map(|point| match point {
+        Waypoint::Geom { geom, .. } => Some(geom.as_str()),
+        Waypoint::Site(_) | Waypoint::Pulley(_) => None,
+    });
+    let paired = spec.pairs.iter().flat_map(|p| [p.geom1.as_str(), p.geom2.as_str()]);
+    let named: HashSet<&str> = paired.chain(wrapped).collect();
     let mut dropped = 0;
     for draft in drafts {
         let before = draft.geoms.len();

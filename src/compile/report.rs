@@ -1,6 +1,7 @@
 //! What the compiler tells the user about a model that it accepts.
 
 use super::constraints::raised;
+use super::keys;
 use super::links::Links;
 use super::names::label;
 use super::order::Scene;
@@ -40,6 +41,17 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
     for (i, equality) in spec.equalities.iter().enumerate().filter(|(_, equality)| raised(options, equality.solref)) {
         slow.push(&equality.source, label("equality", &equality.name, i));
     }
+    for (i, tendon) in spec.tendons.iter().enumerate() {
+        if tendon.stiffness.iter().any(|&k| k < 0.0) {
+            pushing.push(&tendon.source, label("tendon", &tendon.name, i));
+        }
+        let limited = is_limited(tendon.range, tendon.limited);
+        if (limited && raised(options, tendon.solreflimit))
+            || (tendon.frictionloss > 0.0 && raised(options, tendon.solreffriction))
+        {
+            slow.push(&tendon.source, label("tendon", &tendon.name, i));
+        }
+    }
     notes.extend(pushing.sentence("stiffness is negative, the spring pushes away"));
     notes.extend(empty_ranges(spec, scene).sentence("ranges are empty and limit nothing"));
     let bound = 2.0 * options.timestep;
@@ -64,10 +76,16 @@ fn empty_ranges(spec: &Spec, scene: &Scene) -> List {
         check(at, "range", joint.range, joint.limited);
         check(at, "actuatorfrcrange", joint.actuatorfrcrange, joint.actuatorfrclimited);
     }
+    for (i, tendon) in spec.tendons.iter().enumerate() {
+        let at = (&tendon.source, &*label("tendon", &tendon.name, i));
+        check(at, "range", tendon.range, tendon.limited);
+        check(at, "actuatorfrcrange", tendon.actuatorfrcrange, tendon.actuatorfrclimited);
+    }
     for (i, actuator) in spec.actuators.iter().enumerate() {
         let at = (&actuator.source, &*label("actuator", &actuator.name, i));
         check(at, "ctrlrange", actuator.ctrlrange, actuator.ctrllimited);
         check(at, "forcerange", actuator.forcerange, actuator.forcelimited);
+        check(at, "actrange", actuator.actrange, actuator.actlimited);
     }
     list
 }
@@ -106,13 +124,13 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("nq", scene.nq),
         ("nv", scene.nv),
         ("nu", spec.actuators.len()),
-        ("na", 0),
+        ("na", keys::activations(spec)),
         ("nbody", scene.bodies.len()),
         ("njnt", scene.joints.len()),
         ("ngeom", scene.geoms.len()),
         ("nsite", scene.sites.len()),
         ("ntree", links.tree_root.len()),
-        ("ntendon", 0),
+        ("ntendon", spec.tendons.len()),
         ("neq", spec.equalities.len()),
         ("nsensor", spec.sensors.len()),
         ("nsensordata", spec.sensors.iter().map(|sensor| sensor.shape().0).sum()),

@@ -1,19 +1,20 @@
 //! Storage and sparsity of the inertia matrix and of the solver's Hessian.
 
-use lanesim_kernels::model::{Dof, NONE, Pair, PairDof, Pattern, Rows, Span};
+use lanesim_kernels::model::{Dof, NONE, Pair, PairDof, Pattern, Rows, Span, TendonDof};
 
 use super::equality::Equalities;
 
 /// Most entries of the storage.
 const MAX_ENTRIES: usize = 1 << 26;
 
-/// The skyline: every row starts at the lowest dof that can be coupled to it, by the tree, by contacts and equality constraints
-/// between branches, or by fill when dofs are eliminated from the last to the first. With it the number of entries; `Err` with the number
+/// The skyline: every row starts at the lowest dof that can be coupled to it, by the tree, by contacts, equality constraints and
+/// tendons between branches, or by fill when dofs are eliminated from the last to the first. With it the number of entries; `Err` with the number
 /// of dofs if there are too many.
 pub(crate) fn skyline(
     dofs: &[Dof<f64>],
     (pairs, pair_dofs): (&[Pair<f64>], &[PairDof]),
     equalities: &Equalities,
+    tendons: &[&[TendonDof<f64>]],
 ) -> Result<(Rows, usize), usize> {
     let n = dofs.len();
     let mut first: Vec<u32> = Vec::with_capacity(n);
@@ -28,6 +29,9 @@ pub(crate) fn skyline(
     }
     for equality in equalities.table.iter().filter(|e| e.cross) {
         let coupled = &equalities.dofs[equality.dofs.range()];
+        coupled.iter().for_each(|entry| couple(coupled[0].dof, entry.dof));
+    }
+    for coupled in tendons {
         coupled.iter().for_each(|entry| couple(coupled[0].dof, entry.dof));
     }
     let entries = |first: &[u32]| -> usize { first.iter().enumerate().map(|(i, &f)| i + 1 - f as usize).sum() };
@@ -82,6 +86,7 @@ mod tests {
             link: 0,
             joint: 0,
             parent,
+            simple: false,
             damped: false,
             free_base: NONE,
             damping_linear: true,
@@ -107,7 +112,7 @@ mod tests {
 
     #[test]
     fn rows_start_at_the_root() {
-        let (rows, n) = skyline(&dofs(&FOREST), (&[], &[]), &Equalities::default()).unwrap();
+        let (rows, n) = skyline(&dofs(&FOREST), (&[], &[]), &Equalities::default(), &[]).unwrap();
         assert_eq!(rows.first, [0, 0, 0, 0, 0, 5, 5]);
         assert_eq!(rows.start, [0, 1, 3, 6, 10, 15, 16]);
         assert_eq!((n, rows.at(4, 3), rows.diagonal(6)), (18, 13, 17));

@@ -24,6 +24,7 @@ impl ObjectKind {
             ObjectKind::Joint => "joint",
             ObjectKind::Geom => "geom",
             ObjectKind::Site => "site",
+            ObjectKind::Tendon => "tendon",
             ObjectKind::Actuator => "actuator",
         }
     }
@@ -36,6 +37,7 @@ impl ObjectKind {
             ObjectKind::Joint => 3,
             ObjectKind::Geom => 5,
             ObjectKind::Site => 6,
+            ObjectKind::Tendon => 18,
             ObjectKind::Actuator => 19,
         }
     }
@@ -53,6 +55,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
     known.insert("joint", joints.keys().copied().collect());
     known.insert("geom", bodies().flat_map(|b| &b.geoms).map(|g| g.name.as_str()).collect());
     known.insert("site", bodies().flat_map(|b| &b.sites).map(|s| s.name.as_str()).collect());
+    known.insert("tendon", spec.tendons.iter().map(|t| t.name.as_str()).collect());
     known.insert("actuator", spec.actuators.iter().map(|a| a.name.as_str()).collect());
     known.values_mut().for_each(|names| names.sort_unstable());
     let mut numbers = 0_usize;
@@ -83,8 +86,16 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
                 element.unknown(message, &object.name, known[word].iter().copied().filter(|name| !name.is_empty()));
             }
         }
-        if let Some(joint) = sensor.object.as_ref().and_then(|object| joints.get(object.name.as_str())) {
+        let of = |kind: ObjectKind| {
+            sensor.object.as_ref().filter(|object| object.kind == kind).map(|object| object.name.as_str())
+        };
+        if let Some(joint) = of(ObjectKind::Joint).and_then(|name| joints.get(name)) {
             check_joint(sensor, joint, &mut element);
+        }
+        if let Some(name) = of(ObjectKind::Tendon).filter(|_| sensor.kind.of_limit().is_some())
+            && spec.tendons.iter().any(|tendon| tendon.name == name && !is_limited(tendon.range, tendon.limited))
+        {
+            element.refuse(format!("tendon {} has no limits", quoted(name)), "give it a range, or remove the sensor");
         }
     }
     if numbers > MOST_NUMBERS {
@@ -120,6 +131,7 @@ fn check_joint(sensor: &spec::Sensor, joint: &spec::Joint, element: &mut Element
 #[derive(Default)]
 pub(crate) struct Sensors {
     pub table: Vec<Sensor<f64>>,
+    /// Frames that they are about, after those on which actuators act.
     pub mounts: Vec<Mount<f64>>,
     pub targets: Vec<Target<f64>>,
     /// Numbers of all.
@@ -135,12 +147,14 @@ pub(crate) struct Sources<'a> {
     pub links: &'a Links,
     pub names: &'a ElementNames,
     pub limits: &'a [Limit<f64>],
+    /// Frames on which actuators act.
+    pub mounts: &'a [Mount<f64>],
 }
 
 impl Sensors {
     /// Their tables.
     pub fn new(s: &Sources, diagnostics: &mut Diagnostics) -> Sensors {
-        let mut out = Sensors::default();
+        let mut out = Sensors { mounts: s.mounts.to_vec(), ..Sensors::default() };
         for sensor in &s.spec.sensors {
             out.add(s, sensor);
         }
@@ -183,9 +197,12 @@ impl Sensors {
                 Kind::JointPos | Kind::BallQuat => entry.id = number(|joint| joint.qpos),
                 Kind::JointVel | Kind::JointActuatorFrc | Kind::BallAngVel => entry.id = number(|joint| joint.dof),
                 Kind::JointLimitPos | Kind::JointLimitVel | Kind::JointLimitFrc => {
-                    let found = s.limits.iter().position(|limit| limit.joint as usize == id);
-                    entry.id = found.map_or(NONE, |limit| limit as u32);
+                    entry.id = limit(s, |limit| limit.tendon == NONE && limit.joint as usize == id);
                 }
+                Kind::TendonLimitPos | Kind::TendonLimitVel | Kind::TendonLimitFrc => {
+                    entry.id = limit(s, |limit| limit.tendon as usize == id);
+                }
+                Kind::TendonPos | Kind::TendonVel | Kind::TendonActuatorFrc => entry.id = id as u32,
                 Kind::ActuatorPos | Kind::ActuatorVel | Kind::ActuatorFrc => entry.id = id as u32,
                 Kind::SubtreeCom | Kind::SubtreeLinVel | Kind::SubtreeAngMom => entry.bodies = subtree(s.scene, id),
                 Kind::User => {}
@@ -231,6 +248,11 @@ impl Sensors {
     }
 }
 
+/// Number of a limit; [`NONE`]: none is in force.
+fn limit(s: &Sources, of: impl Fn(&Limit<f64>) -> bool) -> u32 {
+    s.limits.iter().position(of).map_or(NONE, |limit| limit as u32)
+}
+
 /// Number of an object among those of its kind.
 fn id(s: &Sources, object: &Object) -> usize {
     let names = match object.kind {
@@ -238,6 +260,7 @@ fn id(s: &Sources, object: &Object) -> usize {
         ObjectKind::Joint => &s.names.joints,
         ObjectKind::Geom => &s.names.geoms,
         ObjectKind::Site => &s.names.sites,
+        ObjectKind::Tendon => &s.names.tendons,
         ObjectKind::Actuator => &s.names.actuators,
     };
     // Checked before.

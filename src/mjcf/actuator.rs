@@ -6,7 +6,7 @@
 use super::reader::Reader;
 use super::report::quoted;
 use super::tree::Element;
-use crate::spec::{Actuator, Bias, Gain, Transmission, Tri, is_limited};
+use crate::spec::{Actuator, Bias, Dynamics, Gain, Transmission, Tri, is_limited};
 use crate::suggest::or_list;
 
 /// The tag of an actuator.
@@ -16,14 +16,17 @@ pub(super) enum Tag {
     Motor,
     Position,
     Velocity,
+    IntVelocity,
     Damper,
+    Cylinder,
+    Muscle,
     /// A kind that is not supported.
     Other,
 }
 
 impl Tag {
     /// How many there are.
-    pub const COUNT: usize = 6;
+    pub const COUNT: usize = 9;
 
     /// The kind of a tag of the actuator section or of a default; `None` if it is not an actuator.
     pub fn of(tag: &str) -> Option<Tag> {
@@ -32,10 +35,11 @@ impl Tag {
             "motor" => Tag::Motor,
             "position" => Tag::Position,
             "velocity" => Tag::Velocity,
+            "intvelocity" => Tag::IntVelocity,
             "damper" => Tag::Damper,
-            "intvelocity" | "cylinder" | "muscle" | "adhesion" | "dcmotor" | "pid" | "orientation" | "plugin" => {
-                Tag::Other
-            }
+            "cylinder" => Tag::Cylinder,
+            "muscle" => Tag::Muscle,
+            "adhesion" | "dcmotor" | "pid" | "orientation" | "plugin" => Tag::Other,
             _ => return None,
         })
     }
@@ -47,6 +51,15 @@ enum Law {
     Zero,
     Fixed,
     Affine,
+    Muscle,
+    /// Its name.
+    Other(&'static str),
+}
+
+/// How an activation follows the control: ours, or one that is not supported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Motion {
+    Of(Dynamics),
     /// Its name.
     Other(&'static str),
 }
@@ -54,68 +67,68 @@ enum Law {
 const GAINS: &[(&str, Law)] = &[
     ("fixed", Law::Fixed),
     ("affine", Law::Affine),
-    ("muscle", Law::Other("muscle")),
+    ("muscle", Law::Muscle),
     ("dcmotor", Law::Other("dcmotor")),
     ("user", Law::Other("user")),
 ];
 const BIASES: &[(&str, Law)] = &[
     ("none", Law::Zero),
     ("affine", Law::Affine),
-    ("muscle", Law::Other("muscle")),
+    ("muscle", Law::Muscle),
     ("dcmotor", Law::Other("dcmotor")),
     ("user", Law::Other("user")),
 ];
-const DYNAMICS: &[(&str, bool)] = &[
-    ("none", false),
-    ("integrator", true),
-    ("filter", true),
-    ("filterexact", true),
-    ("muscle", true),
-    ("dcmotor", true),
-    ("user", true),
+const DYNAMICS: &[(&str, Motion)] = &[
+    ("none", Motion::Of(Dynamics::None)),
+    ("integrator", Motion::Of(Dynamics::Integrator)),
+    ("filter", Motion::Of(Dynamics::Filter)),
+    ("filterexact", Motion::Of(Dynamics::FilterExact)),
+    ("muscle", Motion::Of(Dynamics::Muscle)),
+    ("dcmotor", Motion::Other("dcmotor")),
+    ("user", Motion::Other("user")),
 ];
+/// Gain of a muscle: MuJoCo's defaults.
+const MUSCLE: [f64; 9] = [0.75, 1.05, -1.0, 200.0, 0.5, 1.6, 1.5, 1.3, 1.2];
+/// Its attributes beside its range, in the order of the gain's parameters.
+const MUSCLE_PARAMETERS: [&str; 7] = ["force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax"];
 
 /// An actuator as written, or the record of a class.
 #[derive(Clone, Debug)]
 pub(super) struct RawActuator {
-    /// Mechanical attributes; gain and bias are below.
+    /// Mechanical attributes; gain, bias and dynamics are below.
     common: Actuator,
     gain: Law,
     bias: Law,
     gainprm: [f64; 10],
     /// Of a servo, `biasprm[2]` is minus the velocity gain, or the damping ratio if positive.
     biasprm: [f64; 10],
-    /// The attribute that gives it an activation state.
-    stateful: Option<&'static str>,
-    timeconst: f64,
+    dynamics: Motion,
+    dynprm: [f64; 10],
     inheritrange: f64,
     delay: f64,
+    /// Length of a crank's rod.
+    cranklength: f64,
     /// What it has that is not supported.
     newer: Option<String>,
-    /// Whether it bounds its activation.
-    actlimited: Tri,
-    actrange: Option<[f64; 2]>,
     actdim: i32,
 }
 
 impl Default for RawActuator {
     fn default() -> Self {
-        let mut gainprm = [0.0; 10];
-        gainprm[0] = 1.0;
+        let common = Actuator::default();
         RawActuator {
-            common: Actuator::default(),
             gain: Law::Fixed,
             bias: Law::Zero,
-            gainprm,
-            biasprm: [0.0; 10],
-            stateful: None,
-            timeconst: 0.0,
+            gainprm: common.gainprm,
+            biasprm: common.biasprm,
+            dynamics: Motion::Of(Dynamics::None),
+            dynprm: common.dynprm,
             inheritrange: 0.0,
             delay: 0.0,
+            cranklength: 0.0,
             newer: None,
-            actlimited: Tri::Auto,
-            actrange: None,
             actdim: -1,
+            common,
         }
     }
 }
@@ -129,7 +142,10 @@ impl RawActuator {
             Tag::Motor => self.set(Law::Fixed, &[1.0], Law::Zero, &[]),
             Tag::Position => self.read_position(donor, reader),
             Tag::Velocity => self.read_velocity(donor, reader),
+            Tag::IntVelocity => self.read_intvelocity(donor, reader),
             Tag::Damper => self.read_damper(donor, reader),
+            Tag::Cylinder => self.read_cylinder(donor, reader),
+            Tag::Muscle => self.read_muscle(donor, reader),
             Tag::Other => self.newer = Some(format!("actuators of kind {} are", reader.element.tag)),
         }
     }
@@ -151,21 +167,19 @@ impl RawActuator {
         reader.real("armature", &mut a.armature);
         reader.integer("group", &mut a.group);
         reader.real("delay", &mut self.delay);
-        reader.ignored("lengthrange", 2, false);
+        reader.real("cranklength", &mut self.cranklength);
+        reader.range("lengthrange", &mut a.lengthrange);
     }
 
     fn read_general(&mut self, reader: &mut Reader) {
-        let mut stateful = self.stateful.is_some();
-        reader.keyword("dyntype", DYNAMICS, &mut stateful);
-        self.stateful = stateful.then(|| self.stateful.unwrap_or("dyntype"));
+        reader.keyword("dyntype", DYNAMICS, &mut self.dynamics);
         reader.keyword("gaintype", GAINS, &mut self.gain);
         reader.keyword("biastype", BIASES, &mut self.bias);
         reader.leading("gainprm", &mut self.gainprm);
         reader.leading("biasprm", &mut self.biasprm);
-        reader.ignored("dynprm", 10, true);
-        reader.range("actrange", &mut self.actrange);
-        reader.tri("actlimited", &mut self.actlimited);
-        reader.boolean("actearly", &mut false);
+        reader.leading("dynprm", &mut self.dynprm);
+        self.read_actrange(reader);
+        reader.boolean("actearly", &mut self.common.actearly);
         reader.integer("actdim", &mut self.actdim);
         self.read_inheritrange(reader);
         for name in ["ffrange", "velrange"].into_iter().filter(|name| reader.has_value(name)) {
@@ -193,6 +207,11 @@ impl RawActuator {
         }
     }
 
+    fn read_actrange(&mut self, reader: &mut Reader) {
+        reader.range("actrange", &mut self.common.actrange);
+        reader.tri("actlimited", &mut self.common.actlimited);
+    }
+
     /// A control range at a place overrides an inherited `inheritrange`.
     fn read_inheritrange(&mut self, reader: &mut Reader) {
         if reader.has_value("ctrlrange") {
@@ -204,8 +223,34 @@ impl RawActuator {
     fn read_position(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
         let neutral = RawActuator::default();
         let donor = donor.unwrap_or(&neutral);
+        let (dynamics, mut time) = (donor.dynamics, donor.dynprm[0]);
+        self.read_servo(donor, reader);
+        (self.dynamics, self.dynprm) = (dynamics, donor.dynprm);
+        if reader.real("timeconst", &mut time) {
+            if time < 0.0 {
+                reader.report.error(reader.element, "timeconst must not be negative", "");
+            }
+            self.dynamics = Motion::Of(if time > 0.0 { Dynamics::FilterExact } else { Dynamics::None });
+            self.dynprm[0] = time;
+        }
+    }
+
+    fn read_intvelocity(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        if reader.has_value("actrange") && reader.has_value("inheritrange") {
+            reader.report.error(reader.element, "both actrange and inheritrange are given", "keep one");
+        }
+        let neutral = RawActuator::default();
+        self.read_servo(donor.unwrap_or(&neutral), reader);
+        self.dynamics = Motion::Of(Dynamics::Integrator);
+        self.read_actrange(reader);
+        if reader.has_value("actrange") {
+            self.inheritrange = 0.0;
+        }
+    }
+
+    /// Gain and bias of a servo on the position.
+    fn read_servo(&mut self, donor: &RawActuator, reader: &mut Reader) {
         let (mut kp, mut damping) = (donor.gainprm[0], donor.biasprm[2]);
-        self.timeconst = donor.timeconst;
         self.inheritrange = donor.inheritrange;
         reader.real("kp", &mut kp);
         let (mut kv, mut ratio) = (0.0, 0.0);
@@ -221,11 +266,7 @@ impl RawActuator {
             damping = ratio;
         }
         self.read_inheritrange(reader);
-        reader.real("timeconst", &mut self.timeconst);
-        let timeconst = self.timeconst;
         self.set(Law::Fixed, &[kp], Law::Affine, &[0.0, -kp, damping]);
-        self.timeconst = timeconst;
-        self.stateful = (timeconst > 0.0).then_some("timeconst");
     }
 
     fn read_velocity(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
@@ -247,6 +288,57 @@ impl RawActuator {
         self.set(Law::Affine, &[0.0, 0.0, -kv], Law::Zero, &[]);
     }
 
+    fn read_cylinder(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        let neutral = RawActuator::default();
+        let donor = donor.unwrap_or(&neutral);
+        let (mut area, mut bias, mut dynprm) = (donor.gainprm[0], donor.biasprm, donor.dynprm);
+        let mut diameter = -1.0;
+        reader.real("timeconst", &mut dynprm[0]);
+        reader.real("area", &mut area);
+        reader.list("bias", &mut bias[..3]);
+        reader.real("diameter", &mut diameter);
+        if diameter >= 0.0 {
+            area = std::f64::consts::PI / 4.0 * diameter * diameter;
+        }
+        self.set(Law::Fixed, &[area], Law::Affine, &bias);
+        (self.dynamics, self.dynprm) = (Motion::Of(Dynamics::Filter), dynprm);
+    }
+
+    /// What a class leaves at the defaults of other actuators has those of muscles.
+    fn read_muscle(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        let neutral = RawActuator::default();
+        let donor = donor.unwrap_or(&neutral);
+        let (mut gain, mut dynprm) = (donor.gainprm, donor.dynprm);
+        let fill = |target: &mut [f64], neutral: &[f64], own: &[f64]| {
+            let unset = target.iter_mut().zip(neutral).zip(own).filter(|((x, neutral), _)| x == neutral);
+            unset.for_each(|((x, _), own)| *x = *own);
+        };
+        fill(&mut gain, &neutral.gainprm, &MUSCLE);
+        fill(&mut dynprm, &neutral.dynprm, &[0.01, 0.04]);
+        // MuJoCo takes only what is not negative.
+        let pair = |reader: &mut Reader, name: &str, target: &mut [f64]| {
+            let mut given = [-1.0; 2];
+            reader.list(name, &mut given);
+            target.iter_mut().zip(given).filter(|(_, x)| *x >= 0.0).for_each(|(target, x)| *target = x);
+        };
+        pair(reader, "timeconst", &mut dynprm[..2]);
+        pair(reader, "range", &mut gain[..2]);
+        let mut smooth = dynprm[2];
+        if reader.real("tausmooth", &mut smooth) && smooth < 0.0 {
+            reader.report.error(reader.element, "tausmooth must not be negative", "");
+        }
+        dynprm[2] = smooth;
+        for (name, target) in MUSCLE_PARAMETERS.into_iter().zip(&mut gain[2..]) {
+            let mut given = -1.0;
+            reader.real(name, &mut given);
+            if given >= 0.0 {
+                *target = given;
+            }
+        }
+        self.set(Law::Muscle, &gain, Law::Muscle, &gain);
+        (self.dynamics, self.dynprm) = (Motion::Of(Dynamics::Muscle), dynprm);
+    }
+
     /// Sets the laws of a shortcut, which has no activation unless it says so.
     fn set(&mut self, gain: Law, gainprm: &[f64], bias: Law, biasprm: &[f64]) {
         (self.gain, self.bias) = (gain, bias);
@@ -254,16 +346,14 @@ impl RawActuator {
         self.gainprm[..gainprm.len()].copy_from_slice(gainprm);
         self.biasprm = [0.0; 10];
         self.biasprm[..biasprm.len()].copy_from_slice(biasprm);
-        self.stateful = None;
-        self.timeconst = 0.0;
+        (self.dynamics, self.dynprm) = (Motion::Of(Dynamics::None), Actuator::default().dynprm);
         self.newer = None;
     }
 
     /// Why the actuator cannot be had.
     fn missing(&self, element: &Element) -> Option<String> {
-        let transmission = ["tendon", "site", "cranksite", "body"].iter().find(|name| element.get(name).is_some());
-        if let Some(name) = transmission {
-            return Some(format!("transmission through a {name} is"));
+        if element.get("body").is_some() {
+            return Some("transmission through a body is".to_string());
         }
         let law = |attribute: &str, law| match law {
             Law::Other(name) => Some(format!("{attribute} \"{name}\" is")),
@@ -272,11 +362,13 @@ impl RawActuator {
         let what = self
             .newer
             .clone()
-            .or_else(|| self.stateful.map(|attribute| format!("attribute \"{attribute}\": an activation state is")))
+            .or_else(|| match self.dynamics {
+                Motion::Other(name) => Some(format!("dyntype \"{name}\" is")),
+                Motion::Of(_) => None,
+            })
             .or_else(|| law("gaintype", self.gain))
             .or_else(|| law("biastype", self.bias))
-            .or_else(|| (self.delay != 0.0).then(|| "attribute \"delay\": a delay is".to_string()))
-            .or_else(|| (self.actdim > 1).then(|| format!("attribute \"actdim\": {} activations are", self.actdim)))?;
+            .or_else(|| (self.delay != 0.0).then(|| "attribute \"delay\": a delay is".to_string()))?;
         Some(what)
     }
 
@@ -286,25 +378,16 @@ impl RawActuator {
             reader.report.unsupported(reader.element, &what);
             return None;
         }
-        let transmission = match (reader.element.get("joint"), reader.element.get("jointinparent")) {
-            (Some(joint), None) => Transmission::Joint(joint.to_string()),
-            (None, Some(joint)) => Transmission::JointInParent(joint.to_string()),
-            (None, None) => {
-                reader.report.error(reader.element, "nothing to act on", "give joint or jointinparent");
-                return None;
-            }
-            (Some(_), Some(_)) => {
-                reader.report.error(reader.element, "both joint and jointinparent are given", "keep one");
-                return None;
-            }
-        };
-        for name in ["refsite", "slidersite", "cranklength"] {
-            if reader.has_value(name) {
-                reader.report.error(reader.element, format!("attribute \"{name}\" does not go with a joint"), "");
-            }
-        }
-        if is_limited(self.actrange, self.actlimited) {
+        let transmission = self.transmission(reader)?;
+        let stateful = self.dynamics != Motion::Of(Dynamics::None);
+        if !stateful && is_limited(self.common.actrange, self.common.actlimited) {
             let message = "attribute \"actrange\" or \"actlimited\": the actuator has no activation";
+            reader.report.error(reader.element, message, "remove it");
+        }
+        let dim = self.actdim;
+        if dim >= 0 && dim != i32::from(stateful) {
+            let has = if stateful { "one activation" } else { "no activation" };
+            let message = format!("attribute \"actdim\": {dim}, but the actuator has {has}");
             reader.report.error(reader.element, message, "remove it");
         }
         if tag == Tag::Damper && self.common.ctrlrange.is_none() {
@@ -313,25 +396,78 @@ impl RawActuator {
         Some(self.resolve(transmission, reader))
     }
 
+    /// What it acts on; `None` if that cannot be told, which is reported.
+    fn transmission(&self, reader: &mut Reader) -> Option<Transmission> {
+        const TARGETS: [&str; 5] = ["joint", "jointinparent", "tendon", "site", "cranksite"];
+        let element = reader.element;
+        let given: Vec<&str> = TARGETS.into_iter().filter(|name| element.get(name).is_some()).collect();
+        let target = match given[..] {
+            [target] => target,
+            [] => {
+                let remedy = "give joint, jointinparent, tendon, site or cranksite";
+                reader.report.error(element, "nothing to act on", remedy);
+                return None;
+            }
+            [first, second, ..] => {
+                reader.report.error(element, format!("both {first} and {second} are given"), "keep one");
+                return None;
+            }
+        };
+        for (name, with) in [("refsite", "site"), ("slidersite", "cranksite"), ("cranklength", "cranksite")] {
+            if reader.has_value(name) && target != with {
+                let message = format!("attribute \"{name}\" does not go with {target}");
+                reader.report.error(element, message, format!("remove it, or give {with}"));
+            }
+        }
+        let name = || element.get(target).unwrap_or_default().to_string();
+        Some(match target {
+            "joint" => Transmission::Joint(name()),
+            "jointinparent" => Transmission::JointInParent(name()),
+            "tendon" => Transmission::Tendon(name()),
+            "site" => Transmission::Site { site: name(), reference: element.get("refsite").map(str::to_string) },
+            _ => {
+                let Some(slider) = element.get("slidersite").map(str::to_string) else {
+                    let message = "a crank without a slide";
+                    reader.report.error(element, message, "give slidersite, along whose z axis the rod's end moves");
+                    return None;
+                };
+                Transmission::SliderCrank { crank: name(), slider, rod: self.cranklength }
+            }
+        })
+    }
+
     fn resolve(self, transmission: Transmission, reader: &Reader) -> Actuator {
-        let first = |prm: [f64; 10]| [prm[0], prm[1], prm[2]];
-        let (gain, bias) = (
-            if self.gain == Law::Affine { Gain::Affine } else { Gain::Fixed },
-            if self.bias == Law::Affine { Bias::Affine } else { Bias::None },
-        );
+        let gain = match self.gain {
+            Law::Affine => Gain::Affine,
+            Law::Muscle => Gain::Muscle,
+            _ => Gain::Fixed,
+        };
+        let bias = match self.bias {
+            Law::Affine => Bias::Affine,
+            Law::Muscle => Bias::Muscle,
+            _ => Bias::None,
+        };
+        let dynamics = match self.dynamics {
+            Motion::Of(dynamics) => dynamics,
+            // Reported as missing.
+            Motion::Other(_) => Dynamics::None,
+        };
         let mut actuator = Actuator {
             name: reader.text("name"),
             transmission,
             gain,
-            gainprm: first(self.gainprm),
+            gainprm: self.gainprm,
             bias,
-            biasprm: first(self.biasprm),
+            biasprm: self.biasprm,
+            dynamics,
+            dynprm: self.dynprm,
             source: reader.element.source.clone(),
             ..self.common
         };
         // A damping ratio and an inherited range mean something for servos only, however they were written.
         let servo = bias == Bias::Affine && actuator.gainprm[0] == -actuator.biasprm[1];
-        if servo && actuator.ctrlrange.is_none() {
+        let ranged = if dynamics == Dynamics::Integrator { actuator.actrange } else { actuator.ctrlrange };
+        if servo && ranged.is_none() {
             actuator.inheritrange = self.inheritrange;
         }
         if servo && gain == Gain::Fixed && actuator.biasprm[2] > 0.0 {

@@ -219,6 +219,9 @@ fn pruned(mut spec: Spec) -> Spec {
     }
     keep(&mut spec.pairs, &known);
     keep(&mut spec.excludes, &known);
+    keep(&mut spec.tendons, &known);
+    let tendons: Vec<String> = spec.tendons.iter().map(|tendon| tendon.name.clone()).collect();
+    known[Space::Tendon as usize] = tendons.iter().map(String::as_str).collect();
     keep(&mut spec.equalities, &known);
     let mut entries: Vec<Entry> = spec.actuators.drain(..).map(|actuator| Entry { actuator, kept: true }).collect();
     keep(&mut entries, &known);
@@ -260,6 +263,7 @@ fn prefixed(spec: &mut Spec, prefix: &str) {
     spec.meshes.iter_mut().for_each(|mesh| add(&mut mesh.name));
     all(&mut spec.pairs, &add);
     all(&mut spec.excludes, &add);
+    all(&mut spec.tendons, &add);
     all(&mut spec.equalities, &add);
     let mut entries: Vec<Entry> = spec.actuators.drain(..).map(|actuator| Entry { actuator, kept: true }).collect();
     all(&mut entries, &add);

@@ -11,7 +11,9 @@ use super::reference::{Entry, References};
 use super::replicate::Replica;
 use super::report::Report;
 use super::tree::{Element, Tree};
-use crate::spec::{Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Key, Mesh, Pair, Sensor, Spec};
+use crate::spec::{
+    Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Key, Mesh, Pair, Sensor, Spec, Tendon,
+};
 
 /// Words of `body/fuse`.
 const FUSE: &[(&str, bool)] = &[("auto", true), ("false", false)];
@@ -74,6 +76,7 @@ pub(super) struct Builder<'a> {
     pub bodies: Vec<Body>,
     pub pairs: References<Pair>,
     pub excludes: References<Exclude>,
+    pub tendons: References<Tendon>,
     pub equalities: References<Equality>,
     pub actuators: References<Entry>,
     pub sensors: References<Sensor>,
@@ -219,6 +222,7 @@ impl Builder<'_> {
         }
         part.pairs.into_iter().for_each(|pair| self.pairs.push(pair));
         part.excludes.into_iter().for_each(|exclude| self.excludes.push(exclude));
+        part.tendons.into_iter().for_each(|tendon| self.tendons.push(tendon));
         part.equalities.into_iter().for_each(|equality| self.equalities.push(equality));
         part.actuators.into_iter().for_each(|actuator| self.actuators.push(Entry { actuator, kept: true }));
         part.sensors.into_iter().for_each(|sensor| self.sensors.push(sensor));

@@ -4,21 +4,29 @@ use super::orientation::Angles;
 use super::reader::Reader;
 use super::report::Report;
 use super::tree::Tree;
-use crate::spec::{InertiaFromGeom, Spec};
+use crate::spec::{InertiaFromGeom, LengthRangeMode, Spec};
 
 const UNITS: &[(&str, f64)] = &[("degree", std::f64::consts::PI / 180.0), ("radian", 1.0)];
 const INERTIA: &[(&str, InertiaFromGeom)] =
     &[("auto", InertiaFromGeom::Auto), ("false", InertiaFromGeom::False), ("true", InertiaFromGeom::True)];
 
+/// User-defined muscles are refused wherever they are.
+const MODES: &[(&str, LengthRangeMode)] = &[
+    ("none", LengthRangeMode::None),
+    ("muscle", LengthRangeMode::Muscle),
+    ("muscleuser", LengthRangeMode::Muscle),
+    ("all", LengthRangeMode::All),
+];
+
 /// Reads all `compiler` sections, in order.
 pub(super) fn read(tree: &Tree, spec: &mut Spec, report: &mut Report) -> Angles {
-    let compiler = &mut spec.compiler;
     let mut angles = Angles { scale: UNITS[0].1, sequence: *b"xyz" };
     for index in tree.sections("compiler") {
         let mut reader = Reader::new(&tree[index], report);
         for (name, _) in &reader.element.attributes {
             spec.written.insert(format!("compiler {name}"), reader.element.source.clone());
         }
+        let compiler = &mut spec.compiler;
         reader.keyword("angle", UNITS, &mut angles.scale);
         sequence(&mut reader, &mut angles.sequence);
         if reader.element.get("coordinate").is_some_and(|value| value != "local") {
@@ -35,8 +43,28 @@ pub(super) fn read(tree: &Tree, spec: &mut Spec, report: &mut Report) -> Angles 
         reader.boolean("fitaabb", &mut compiler.fitaabb);
         reader.keyword("inertiafromgeom", INERTIA, &mut compiler.inertiafromgeom);
         reader.integers("inertiagrouprange", &mut compiler.inertiagrouprange);
+        for &child in &tree[index].children {
+            lengthrange(&mut Reader::new(&tree[child], report), spec);
+        }
     }
     angles
+}
+
+fn lengthrange(reader: &mut Reader, spec: &mut Spec) {
+    for (name, _) in &reader.element.attributes {
+        spec.written.insert(format!("lengthrange {name}"), reader.element.source.clone());
+    }
+    let range = &mut spec.compiler.lengthrange;
+    reader.keyword("mode", MODES, &mut range.mode);
+    reader.boolean("useexisting", &mut range.useexisting);
+    reader.boolean("uselimit", &mut range.uselimit);
+    reader.real("accel", &mut range.accel);
+    reader.real("maxforce", &mut range.maxforce);
+    reader.real("timeconst", &mut range.timeconst);
+    reader.real("timestep", &mut range.timestep);
+    reader.real("inttotal", &mut range.inttotal);
+    reader.real("interval", &mut range.interval);
+    reader.real("tolrange", &mut range.tolrange);
 }
 
 fn sequence(reader: &mut Reader, target: &mut [u8; 3]) {

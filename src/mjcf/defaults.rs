@@ -10,8 +10,9 @@ use super::geom::{RawGeom, RawSite};
 use super::joint;
 use super::reader::Reader;
 use super::report::{Report, quoted};
+use super::tendon;
 use super::tree::{Element, Tree};
-use crate::spec::{Equality, Joint, Pair};
+use crate::spec::{Equality, Joint, Pair, Tendon};
 
 /// Most classes of a model.
 const MOST_CLASSES: usize = 10_000;
@@ -28,6 +29,7 @@ pub(super) struct Class {
     pub mesh: RawMesh,
     pub pair: Pair,
     pub equality: Equality,
+    pub tendon: Tendon,
     actuator: RawActuator,
     /// By tag, the nearest class whose actuator record was written by that tag or by `general`.
     donors: [Option<usize>; Tag::COUNT],
@@ -96,6 +98,7 @@ impl Classes {
                 "mesh" => values.mesh.read(&mut reader),
                 "pair" => contact::read(&mut reader, &mut values.pair),
                 "equality" => equality::read(&mut reader, &mut values.equality),
+                "tendon" => tendon::read(&mut reader, &mut values.tendon),
                 tag => {
                     if let Some(tag) = Tag::of(tag) {
                         let actuator = self.actuator(class, tag, &mut reader);

@@ -1,4 +1,4 @@
-//! `equality`: connect, weld, joint.
+//! `equality`: connect, weld, joint, tendon.
 
 use super::defaults::{Classes, MAIN};
 use super::reader::Reader;
@@ -15,7 +15,7 @@ pub(super) fn read(reader: &mut Reader, equality: &mut Equality) {
 
 /// Whether a kind is built.
 pub(super) fn built(element: &Element) -> bool {
-    matches!(element.tag.as_str(), "connect" | "weld" | "joint")
+    matches!(element.tag.as_str(), "connect" | "weld" | "joint" | "tendon")
 }
 
 /// Reads the sections.
@@ -40,11 +40,17 @@ pub(super) fn all(tree: &Tree, classes: &Classes, report: &mut Report) -> Vec<Eq
 fn held(reader: &mut Reader) -> Option<Held> {
     let pair = |reader: &Reader, first, second| [reader.text(first), reader.text(second)];
     match reader.element.tag.as_str() {
-        "joint" => {
-            let complete = reader.required("joint1");
+        kind @ ("joint" | "tendon") => {
+            let of_joints = kind == "joint";
+            let [first, second] = if of_joints { ["joint1", "joint2"] } else { ["tendon1", "tendon2"] };
+            let complete = reader.required(first);
             let mut polycoef = [0.0, 1.0, 0.0, 0.0, 0.0];
             reader.leading("polycoef", &mut polycoef);
-            complete.then(|| Held::Joints { joints: pair(reader, "joint1", "joint2"), polycoef })
+            let names = pair(reader, first, second);
+            complete.then_some(match of_joints {
+                true => Held::Joints { joints: names, polycoef },
+                false => Held::Tendons { tendons: names, polycoef },
+            })
         }
         "connect" if by_sites(reader, &["body1", "body2", "anchor"])? => {
             Some(Held::Sites(pair(reader, "site1", "site2")))

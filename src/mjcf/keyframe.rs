@@ -55,7 +55,7 @@ fn drop_actuators(key: &mut Key, kept: &[bool], report: &mut Report, element: &s
         let mut keep = kept.iter();
         ctrl.retain(|_| keep.next().copied().unwrap_or(true));
     }
-    // No actuator that was kept has an activation.
+    // Whose activations they are cannot be told.
     if key.act.take().is_some() {
         report.lose(element, "act left out with the actuators that it belongs to");
     }

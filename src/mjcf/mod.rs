@@ -30,6 +30,7 @@ mod report;
 mod scan;
 mod schema;
 mod sensor;
+mod tendon;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -41,7 +42,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
-use crate::spec::{Actuator, Body, Equality, Exclude, Key, Mesh, Object, ObjectKind, Pair, Sensor, Spec, Transmission};
+use crate::spec::{
+    Actuator, Body, Equality, Exclude, Key, Mesh, Object, ObjectKind, Pair, Sensor, Spec, Tendon, Transmission,
+};
 use actuator::Tag;
 use attach::Context;
 use body::Builder;
@@ -133,6 +136,7 @@ fn read_model(
 
     let classes = Classes::read(&tree, &mut report);
     let (pairs, excludes) = contacts(&tree, &classes, &mut report);
+    let tendons = tendon::all(&tree, &classes, &mut report);
     let equalities = equality::all(&tree, &classes, &mut report);
     let actuators = actuators(&tree, &classes, &mut report);
     let sensors = sensor::all(&tree, &mut report);
@@ -145,6 +149,7 @@ fn read_model(
         bodies: std::mem::take(&mut spec.bodies),
         pairs: References::new(pairs),
         excludes: References::new(excludes),
+        tendons: References::new(tendons),
         equalities: References::new(equalities),
         actuators: References::new(actuators),
         sensors: References::new(sensors),
@@ -180,6 +185,7 @@ struct Built {
     bodies: Vec<Body>,
     pairs: Vec<Pair>,
     excludes: Vec<Exclude>,
+    tendons: Vec<Tendon>,
     equalities: Vec<Equality>,
     actuators: Vec<Entry>,
     sensors: Vec<Sensor>,
@@ -206,6 +212,7 @@ impl Built {
             bodies: builder.bodies,
             pairs: builder.pairs.into_items().collect(),
             excludes: builder.excludes.into_items().collect(),
+            tendons: builder.tendons.into_items().collect(),
             equalities: builder.equalities.into_items().collect(),
             actuators: builder.actuators.into_items().collect(),
             sensors: builder.sensors.into_items().collect(),
@@ -219,7 +226,8 @@ impl Built {
 
     /// Hands over what was built, and reads the keyframes.
     fn finish(self, tree: &Tree, spec: &mut Spec, report: &mut Report) {
-        (spec.bodies, spec.excludes, spec.equalities) = (self.bodies, self.excludes, self.equalities);
+        (spec.bodies, spec.excludes) = (self.bodies, self.excludes);
+        (spec.tendons, spec.equalities) = (self.tendons, self.equalities);
         for pair in self.pairs {
             let lost = [&pair.geom1, &pair.geom2].into_iter().find(|&name| self.lost_geoms.contains(name)).cloned();
             match lost {

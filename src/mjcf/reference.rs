@@ -2,7 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::spec::{Actuator, Body, Equality, Exclude, Held, ObjectKind, Pair, Sensor, Transmission};
+use crate::spec::{
+    Actuator, Body, Equality, Exclude, Held, ObjectKind, Pair, Path, Sensor, Tendon, Transmission, Waypoint,
+};
 
 /// Kinds of elements that others name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,11 +13,12 @@ pub(super) enum Space {
     Site,
     Joint,
     Geom,
+    Tendon,
     Actuator,
 }
 
 /// Number of kinds.
-const SPACES: usize = 5;
+const SPACES: usize = 6;
 
 /// Names by kind.
 pub(super) type Names<'a> = [HashSet<&'a str>; SPACES];
@@ -65,12 +68,32 @@ impl Refers for Exclude {
     }
 }
 
+impl Refers for Tendon {
+    fn targets(&mut self) -> Vec<(Space, &mut String)> {
+        match &mut self.path {
+            Path::Fixed(joints) => all(Space::Joint, joints.iter_mut().map(|(joint, _)| joint)),
+            Path::Spatial(points) => {
+                let names = points.iter_mut().flat_map(|point| match point {
+                    Waypoint::Site(site) => vec![(Space::Site, site)],
+                    Waypoint::Geom { geom, side } => vec![(Space::Geom, geom), (Space::Site, side)],
+                    Waypoint::Pulley(_) => Vec::new(),
+                });
+                names.collect()
+            }
+        }
+    }
+    fn name(&mut self) -> &mut String {
+        &mut self.name
+    }
+}
+
 impl Refers for Equality {
     fn targets(&mut self) -> Vec<(Space, &mut String)> {
         match &mut self.held {
             Held::Points { bodies, .. } | Held::Frames { bodies, .. } => all(Space::Body, bodies),
             Held::Sites(sites) | Held::SiteFrames { sites, .. } => all(Space::Site, sites),
             Held::Joints { joints, .. } => all(Space::Joint, joints),
+            Held::Tendons { tendons, .. } => all(Space::Tendon, tendons),
         }
     }
     fn name(&mut self) -> &mut String {
@@ -86,6 +109,7 @@ impl Refers for Sensor {
             ObjectKind::Joint => Space::Joint,
             ObjectKind::Geom => Space::Geom,
             ObjectKind::Site => Space::Site,
+            ObjectKind::Tendon => Space::Tendon,
             ObjectKind::Actuator => Space::Actuator,
         };
         objects.map(|object| (space(object.kind), &mut object.name)).collect()
@@ -105,7 +129,10 @@ pub(super) struct Entry {
 impl Refers for Entry {
     fn targets(&mut self) -> Vec<(Space, &mut String)> {
         match &mut self.actuator.transmission {
-            Transmission::Joint(joint) | Transmission::JointInParent(joint) => vec![(Space::Joint, joint)],
+            Transmission::Joint(joint) | Transmission::JointInParent(joint) => all(Space::Joint, [joint]),
+            Transmission::Site { site, reference } => all(Space::Site, std::iter::once(site).chain(reference)),
+            Transmission::SliderCrank { crank, slider, .. } => all(Space::Site, [crank, slider]),
+            Transmission::Tendon(tendon) => all(Space::Tendon, [tendon]),
         }
     }
     fn name(&mut self) -> &mut String {

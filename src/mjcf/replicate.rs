@@ -68,15 +68,20 @@ impl Replica {
         let content = Body { geoms, sites, ..Body::default() };
         let mut names = names(&bodies, &content);
         let (pairs, excludes) = (builder.pairs.to(&names), builder.excludes.to(&names));
+        let tendons = builder.tendons.to(&names);
+        let replicated = builder.tendons.names(&tendons);
+        names[Space::Tendon as usize] = replicated.iter().map(String::as_str).collect();
         let (equalities, actuators) = (builder.equalities.to(&names), builder.actuators.to(&names));
-        let replicated = builder.actuators.names(&actuators);
-        names[Space::Actuator as usize] = replicated.iter().map(String::as_str).collect();
+        let driven = builder.actuators.names(&actuators);
+        names[Space::Actuator as usize] = driven.iter().map(String::as_str).collect();
         let sensors = builder.sensors.to(&names);
         let width = count.to_string().len();
         let longer = separator.len() + width;
         let size = weight(&content, longer) + bodies.iter().map(|body| weight(body, longer)).sum::<usize>();
         let lost = builder.lost_geoms[self.lost_geoms..].len();
-        let size = size + pairs.len() + excludes.len() + equalities.len() + actuators.len() + sensors.len() + lost;
+        let referring =
+            pairs.len() + excludes.len() + tendons.len() + equalities.len() + actuators.len() + sensors.len();
+        let size = size + referring + lost;
         if !builder.reserve(element, size.saturating_mul(count)) {
             return;
         }
@@ -84,6 +89,7 @@ impl Replica {
         let suffixes: Vec<String> = (0..count).map(|k| format!("{separator}{k:0width$}")).collect();
         builder.pairs.replicate(&pairs, &names, &suffixes);
         builder.excludes.replicate(&excludes, &names, &suffixes);
+        builder.tendons.replicate(&tendons, &names, &suffixes);
         builder.equalities.replicate(&equalities, &names, &suffixes);
         builder.actuators.replicate(&actuators, &names, &suffixes);
         builder.sensors.replicate(&sensors, &names, &suffixes);

@@ -57,17 +57,21 @@ const CAMERA: &str = "focal focalpixel fovy ipd mode output pos principal princi
 const LIGHT: &str = "active ambient attenuation bulbradius castshadow cutoff diffuse dir directional exponent intensity \
     mode pos range softness specular type";
 const PAIR: &str = "adhesion condim friction gap margin solimp solref solreffriction";
+const TENDON: &str = "actuatorfrclimited actuatorfrcrange armature damping frictionloss group limited margin range \
+    solimpfriction solimplimit solreffriction solreflimit springlength springyield stiffness user";
+const DRAWN: &str = "material rgba width";
 const LAW: &str = "active solref solimp";
 /// What every actuator but the newest kinds has.
 const ACTUATOR: &str = "armature cranklength ctrllimited ctrlrange damping delay forcelimited forcerange gear group \
     interp nsample user";
-const TRANSMISSION: &str = "cranksite joint jointinparent lengthrange name class refsite site slidersite tendon";
+const TRANSMISSION: &str = "cranksite joint jointinparent lengthrange name class slidersite tendon";
+const SITES: &str = "refsite site";
 const GENERAL: &str = "actdim actearly actlimited actrange biasprm biastype dynprm dyntype ffrange gainprm gaintype \
     inheritrange input velrange";
 const POSITION: &str = "dampratio inheritrange kp kv timeconst";
 const INTVELOCITY: &str = "actlimited actrange dampratio inheritrange kp kv";
 const CYLINDER: &str = "area bias diameter timeconst";
-const MUSCLE: &str = "force fpmax fvmax lmax lmin range scale tausmooth timeconst vmax";
+const MUSCLE: &str = "force fpmax fvmax lmax lmin range scale timeconst vmax";
 
 static MUJOCO: Rule = Rule {
     tag: "mujoco",
@@ -94,7 +98,7 @@ static MUJOCO: Rule = Rule {
         &WORLD,
         &opaque("deformable"),
         &CONTACT,
-        &opaque("tendon"),
+        &TENDONS,
         &EQUALITY,
         &ACTUATORS,
         &SENSORS,
@@ -117,7 +121,7 @@ static DEFAULT: Rule = Rule {
         &leaf("light", &[LIGHT]),
         &leaf("pair", &[PAIR]),
         &leaf("equality", &[LAW]),
-        &opaque("tendon"),
+        &leaf("tendon", &[TENDON, DRAWN]),
         &leaf("general", &[ACTUATOR, GENERAL]),
         &leaf("motor", &[ACTUATOR]),
         &leaf("position", &[ACTUATOR, POSITION]),
@@ -207,13 +211,24 @@ static REPLICATE: Rule = Rule {
 static CONTACT: Rule =
     section("contact", &[&leaf("pair", &[PAIR, IDENTITY, "geom1 geom2"]), &leaf("exclude", &["name body1 body2"])]);
 
+static TENDONS: Rule = section(
+    "tendon",
+    &[
+        &Rule { children: &[&leaf("joint", &["joint coef"])], ..leaf("fixed", &[TENDON, IDENTITY]) },
+        &Rule {
+            children: &[&leaf("site", &["site"]), &leaf("geom", &["geom sidesite"]), &leaf("pulley", &["divisor"])],
+            ..leaf("spatial", &[TENDON, DRAWN, IDENTITY])
+        },
+    ],
+);
+
 static EQUALITY: Rule = section(
     "equality",
     &[
         &leaf("connect", &[LAW, IDENTITY, "body1 body2 anchor site1 site2"]),
         &leaf("weld", &[LAW, IDENTITY, "body1 body2 anchor relpose torquescale site1 site2"]),
         &leaf("joint", &[LAW, IDENTITY, "joint1 joint2 polycoef"]),
-        &opaque("tendon"),
+        &leaf("tendon", &[LAW, IDENTITY, "tendon1 tendon2 polycoef"]),
         &opaque("flex"),
         &opaque("flexvert"),
         &opaque("flexstrain"),
@@ -224,14 +239,14 @@ static EQUALITY: Rule = section(
 static ACTUATORS: Rule = section(
     "actuator",
     &[
-        &leaf("general", &[ACTUATOR, TRANSMISSION, GENERAL, "body"]),
-        &leaf("motor", &[ACTUATOR, TRANSMISSION]),
-        &leaf("position", &[ACTUATOR, TRANSMISSION, POSITION]),
-        &leaf("velocity", &[ACTUATOR, TRANSMISSION, "kv"]),
-        &leaf("intvelocity", &[ACTUATOR, TRANSMISSION, INTVELOCITY]),
-        &leaf("damper", &[ACTUATOR, TRANSMISSION, "kv"]),
-        &leaf("cylinder", &[ACTUATOR, TRANSMISSION, CYLINDER]),
-        &leaf("muscle", &[ACTUATOR, TRANSMISSION, MUSCLE]),
+        &leaf("general", &[ACTUATOR, TRANSMISSION, SITES, GENERAL, "body"]),
+        &leaf("motor", &[ACTUATOR, TRANSMISSION, SITES]),
+        &leaf("position", &[ACTUATOR, TRANSMISSION, SITES, POSITION]),
+        &leaf("velocity", &[ACTUATOR, TRANSMISSION, SITES, "kv"]),
+        &leaf("intvelocity", &[ACTUATOR, TRANSMISSION, SITES, INTVELOCITY]),
+        &leaf("damper", &[ACTUATOR, TRANSMISSION, SITES, "kv"]),
+        &leaf("cylinder", &[ACTUATOR, TRANSMISSION, SITES, CYLINDER]),
+        &leaf("muscle", &[ACTUATOR, TRANSMISSION, MUSCLE, "tausmooth"]),
         &opaque("adhesion"),
         &opaque("dcmotor"),
         &opaque("pid"),

@@ -24,6 +24,7 @@ enum Names {
 
 const SITE: Names = Names::One(ObjectKind::Site, "site");
 const JOINT: Names = Names::One(ObjectKind::Joint, "joint");
+const TENDON: Names = Names::One(ObjectKind::Tendon, "tendon");
 const ACTUATOR: Names = Names::One(ObjectKind::Actuator, "actuator");
 const BODY: Names = Names::One(ObjectKind::Body, "body");
 
@@ -39,15 +40,21 @@ const KINDS: &[(SensorKind, Names)] = &[
     (SensorKind::Rangefinder, SITE),
     (SensorKind::JointPos, JOINT),
     (SensorKind::JointVel, JOINT),
+    (SensorKind::TendonPos, TENDON),
+    (SensorKind::TendonVel, TENDON),
     (SensorKind::ActuatorPos, ACTUATOR),
     (SensorKind::ActuatorVel, ACTUATOR),
     (SensorKind::ActuatorFrc, ACTUATOR),
     (SensorKind::JointActuatorFrc, JOINT),
+    (SensorKind::TendonActuatorFrc, TENDON),
     (SensorKind::BallQuat, JOINT),
     (SensorKind::BallAngVel, JOINT),
     (SensorKind::JointLimitPos, JOINT),
     (SensorKind::JointLimitVel, JOINT),
     (SensorKind::JointLimitFrc, JOINT),
+    (SensorKind::TendonLimitPos, TENDON),
+    (SensorKind::TendonLimitVel, TENDON),
+    (SensorKind::TendonLimitFrc, TENDON),
     (SensorKind::FramePos, Names::Frames),
     (SensorKind::FrameQuat, Names::Frames),
     (SensorKind::FrameXAxis, Names::Frames),
@@ -78,6 +85,7 @@ const OBJECTS: &[(&str, ObjectKind)] = &[
     ("geom", ObjectKind::Geom),
     ("site", ObjectKind::Site),
     ("joint", ObjectKind::Joint),
+    ("tendon", ObjectKind::Tendon),
     ("actuator", ObjectKind::Actuator),
 ];
 

@@ -353,8 +353,8 @@ impl<T: Float> ModelCode<T> {
         let tables = &*self.tables;
         let pairs = |has: &dyn Fn(&lanesim_kernels::model::Pair<T>) -> bool| tables.pairs.iter().any(has);
         let both = pairs(&|pair| pair.sides != Sides::One);
-        let equality = tables.equalities.iter().any(|equality| equality.cross);
-        let joins = equality || pairs(&|pair| pair.cross);
+        let listed = tables.equalities.iter().any(|equality| equality.cross) || tables.tendon_joins().next().is_some();
+        let joins = listed || pairs(&|pair| pair.cross);
         let primal = tables.options.solver != options::Solver::Pgs;
         let newton = tables.options.solver == options::Solver::Newton;
         let wanted = move |part: &Part| match (part.op, part.of) {
@@ -365,7 +365,7 @@ impl<T: Float> ModelCode<T> {
             (Op::Conjugate, _) => primal && !newton,
             (Op::Turn, _) => primal && newton,
             (Op::Curve | Op::Stiffen, _) if !newton => false,
-            (Op::Curve, _) => primal && (both || equality),
+            (Op::Curve, _) => primal && (both || listed),
             (Op::Descend, 0) => primal && newton && both,
             (Op::Descend, _) => primal && newton && joins,
             (Op::Polish, filled) => primal && newton && (joins || filled == 0),

@@ -6,6 +6,7 @@ use lanesim_kernels::lane::Lane;
 use lanesim_kernels::model::{Instance, Model, Quantities, Quantity, Varied};
 use lanesim_kernels::part::Name;
 use lanesim_kernels::position::{self, Position};
+use lanesim_kernels::tendon::{self, Tendons};
 
 /// Operations that the kernels take for a link, about.
 const PER_LINK: usize = 500;
@@ -50,11 +51,17 @@ impl<T: Float> Structure<T> {
         let mut inertia = Inertia::new(&model.sizes);
         let instance = Instance { model, varied: Some(&varied) };
         position::kinematics(instance, &qpos, &mut position);
-        inertia::crb(instance, &position, &mut inertia);
+        let mut tendons = Tendons::new(&model.sizes);
+        if model.tendons.iter().any(|tendon| tendon.heavy) {
+            // Their velocities count for nothing here.
+            let qvel = recording.input(quantities.len() + 1, model.sizes.nv);
+            tendon::tendons(model, &position, &qpos, &qvel, &mut tendons);
+        }
+        inertia::crb(instance, &position, &tendons, &mut inertia);
         let known = |lanes: &[Recorder<T>]| lanes.iter().map(|lane| lane.constant()).collect::<Vec<_>>();
         let axes = known(position.cdof.as_flattened());
         let entries = known(&inertia.m);
-        let outputs = quantities.len() + 1;
+        let outputs = quantities.len() + 2;
         recording.output(outputs, position.cdof.as_flattened());
         recording.output(outputs + 1, &inertia.m);
         let uses = recording.finish().uses();

@@ -1,17 +1,20 @@
 //! Contacts and constraint rows of one world, in MuJoCo's order and layout.
 
 use glam::DVec3;
-use lanesim_kernels::collision::{origin, reference};
+use lanesim_kernels::collision::reference;
 use lanesim_kernels::constraint::{Cone, ContactRow, DofLaw, DofRowKind, Law};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Equality, EqualityKind, NONE, Pair, Quantity, Sides};
+use lanesim_kernels::tendon;
 
 use super::World;
 
 /// MuJoCo's numbers for the types of rows.
 const EQUALITY: i32 = 0;
 const FRICTION_DOF: i32 = 1;
+const FRICTION_TENDON: i32 = 2;
 const LIMIT_JOINT: i32 = 3;
+const LIMIT_TENDON: i32 = 4;
 const CONTACT_FRICTIONLESS: i32 = 5;
 const CONTACT_PYRAMIDAL: i32 = 6;
 const CONTACT_ELLIPTIC: i32 = 7;
@@ -98,7 +101,7 @@ pub(super) fn distance<L: LaneQuery>(world: World<'_, L>, contact: &Contact) -> 
 
 /// Place in the world, m.
 pub(super) fn position<L: LaneQuery>(world: World<'_, L>, contact: &Contact) -> DVec3 {
-    let at = origin(world.tables, &world.workspace.position, reference(pair(world, contact)));
+    let at = world.workspace.position.origin_of(world.tables, reference(pair(world, contact)));
     world.vector(&world.workspace.collision.contact(contact.index).pos()[..]) + world.vector(&at[..])
 }
 
@@ -155,7 +158,7 @@ pub(super) fn holds<'a, L: LaneQuery>(
     let force = &world.workspace.solver.force.equality;
     let spatial = world.tables.equalities.iter().filter(move |equality| {
         let acts = world.number(&world.workspace.constraint.equality.d[equality.row as usize]) > 0.0;
-        acts && equality.kind != EqualityKind::Joint
+        acts && matches!(equality.kind, EqualityKind::Connect | EqualityKind::Weld)
     });
     spatial.map(move |equality| {
         let rows = &force[equality.rows()];
@@ -223,21 +226,32 @@ fn equality_row<L: LaneQuery>(world: World<'_, L>, (equality, row): (&Equality<L
 fn dof_row<L: LaneQuery>(world: World<'_, L>, law: DofLaw<'_, L>, force: f64) -> Row {
     let mut jacobian = vec![0.0; world.tables.sizes.nv];
     let (row, dof) = (law.row, law.row.dof as usize);
+    let sign = match row.kind {
+        DofRowKind::Upper => -1.0,
+        DofRowKind::Limit => world.number(&law.sign()),
+        _ => 1.0,
+    };
     match row.kind {
-        DofRowKind::Friction | DofRowKind::Lower => jacobian[dof] = 1.0,
-        DofRowKind::Upper => jacobian[dof] = -1.0,
-        DofRowKind::Limit => jacobian[dof] = world.number(&law.sign()),
+        _ if row.tendon != NONE => {
+            let columns = tendon::columns(world.tables, row.tendon as usize, &world.workspace.tendons.jacobian);
+            columns.for_each(|(dof, j)| jacobian[dof] = sign * world.number(&j));
+        }
+        DofRowKind::Friction | DofRowKind::Lower | DofRowKind::Upper | DofRowKind::Limit => jacobian[dof] = sign,
         DofRowKind::Ball => {
             for k in 0..3 {
                 jacobian[dof + k] = -world.number(&law.axis()[k]);
             }
         }
     }
-    let (kind, id, margin) = if row.kind == DofRowKind::Friction {
-        (FRICTION_DOF, dof, 0.0)
-    } else {
-        let limit = &world.tables.limits[row.id as usize];
-        (LIMIT_JOINT, limit.joint as usize, limit.margin.to_f64())
+    let margin = match row.kind {
+        DofRowKind::Friction => 0.0,
+        _ => world.tables.limits[row.id as usize].margin.to_f64(),
+    };
+    let (kind, id) = match (row.kind, row.tendon) {
+        (DofRowKind::Friction, NONE) => (FRICTION_DOF, dof),
+        (DofRowKind::Friction, tendon) => (FRICTION_TENDON, tendon as usize),
+        (_, NONE) => (LIMIT_JOINT, world.tables.limits[row.id as usize].joint as usize),
+        (_, tendon) => (LIMIT_TENDON, tendon as usize),
     };
     Row {
         kind,

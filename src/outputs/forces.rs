@@ -195,6 +195,18 @@ pub(super) fn inertia<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<f64>) {
     }
 }
 
+/// Appends the actuators' moments as nu × nv numbers.
+pub(super) fn moments<L: LaneQuery>(world: World<'_, L>, _: &mut Poses, out: &mut Vec<f64>) {
+    let (start, nv) = (out.len(), world.tables.sizes.nv);
+    out.resize(start + world.tables.actuators.len() * nv, 0.0);
+    for (a, actuator) in world.tables.actuators.iter().enumerate() {
+        for k in actuator.moments.range() {
+            let dof = world.tables.moment_dofs[k].dof as usize;
+            out[start + a * nv + dof] = world.number(&world.workspace.actuation.moment[k]);
+        }
+    }
+}
+
 /// Appends M qacc + bias - passive - constraint.
 pub(super) fn inverse<L: LaneQuery>(world: World<'_, L>, _: &mut Poses, out: &mut Vec<f64>) {
     let (nv, ws) = (world.tables.sizes.nv, world.workspace);

@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{JointKind, NONE, Quantity};
+use lanesim_kernels::tendon;
 
 use super::World;
 use crate::model::{ArrayData, Placement};
@@ -154,6 +155,18 @@ pub(super) fn axes<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<f64>) {
 }
 
 /// Dof motions at the centre of mass of the whole kinematic tree, which is MuJoCo's reference point.
+/// Appends the Jacobian of the lengths of tendons, ntendon × nv numbers.
+pub(super) fn tendon_jacobians<L: LaneQuery>(world: World<'_, L>, _: &mut Poses, out: &mut Vec<f64>) {
+    let (tables, jacobian) = (world.tables, &world.workspace.tendons.jacobian);
+    for t in 0..tables.tendons.len() {
+        let start = out.len();
+        out.resize(start + tables.sizes.nv, 0.0);
+        for (dof, j) in tendon::columns(tables, t, jacobian) {
+            out[start + dof] = world.number(&j);
+        }
+    }
+}
+
 pub(super) fn cdof<L: LaneQuery>(world: World<'_, L>, poses: &mut Poses, out: &mut Vec<f64>) {
     let com = subtree_com(world, poses);
     let roots = integers(world, "body_rootid");

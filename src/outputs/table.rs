@@ -57,7 +57,9 @@ impl Dim {
 }
 
 const NV: Dim = Dim::Of("nv", |sizes| sizes.nv);
+const NTENDON: Dim = Dim::Of("ntendon", |sizes| sizes.ntendon);
 const NU: Dim = Dim::Of("nu", |sizes| sizes.nu);
+const NA: Dim = Dim::Of("na", |sizes| sizes.na);
 const NBODY: Dim = Dim::Of("nbody", |sizes| sizes.nbody);
 const NGEOM: Dim = Dim::Of("ngeom", |sizes| sizes.ngeom);
 const NSITE: Dim = Dim::Of("nsite", |sizes| sizes.nsite);
@@ -271,6 +273,25 @@ impl<L: LaneQuery> Table<L> {
             Stage::Solver,
             forces::internal,
         ),
+        Entry::of("ten_length", &[NTENDON], ("lengths of tendons", "m"), Stage::Tendon, |w, _, out| {
+            w.numbers(&w.workspace.tendons.length, w.tables.sizes.ntendon, out);
+        }),
+        Entry::of(
+            "ten_velocity",
+            &[NTENDON],
+            ("rates of the lengths of tendons", "m/s"),
+            Stage::Tendon,
+            |w, _, out| {
+                w.numbers(&w.workspace.tendons.velocity, w.tables.sizes.ntendon, out);
+            },
+        ),
+        Entry::of(
+            "ten_J",
+            &[NTENDON, NV],
+            ("Jacobian of the lengths of tendons", ""),
+            Stage::Tendon,
+            frames::tendon_jacobians,
+        ),
         Entry::of("actuator_length", &[NU], ("actuator lengths", ""), Stage::Actuation, |w, _, out| {
             w.numbers(&w.workspace.actuation.length, w.tables.sizes.nu, out);
         }),
@@ -280,6 +301,16 @@ impl<L: LaneQuery> Table<L> {
         Entry::of("actuator_force", &[NU], ("actuator forces", ""), Stage::Actuation, |w, _, out| {
             w.numbers(&w.workspace.actuation.force, w.tables.sizes.nu, out);
         }),
+        Entry::of("act_dot", &[NA], ("rates of activations", "1/s"), Stage::Actuation, |w, _, out| {
+            w.numbers(&w.workspace.actuation.act_dot, w.tables.sizes.na, out);
+        }),
+        Entry::of(
+            "actuator_moment",
+            &[NU, NV],
+            ("generalised force per unit of force of each actuator", ""),
+            Stage::Actuation,
+            forces::moments,
+        ),
         Entry::of("qfrc_actuator", &[NV], ("generalised force of actuators", FORCE), Stage::Actuation, |w, _, out| {
             w.numbers(&w.workspace.actuation.qfrc_actuator, w.tables.sizes.nv, out)
         }),
@@ -401,7 +432,7 @@ impl<L: LaneQuery> Table<L> {
         Entry::of(
             "efc_id",
             &[],
-            ("equality constraint, dof, joint or contact of each row", ""),
+            ("equality constraint, dof, joint, tendon or contact of each row", ""),
             Stage::Constraint,
             |w, _, out| of_rows(w, false, out, |row, out| out.push(row.id as f64)),
         )

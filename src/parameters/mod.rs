@@ -65,6 +65,9 @@ pub(crate) const WEIGHTS: [Quantity; 11] = [
 
 /// Numbers of MuJoCo's arrays of gains and biases per actuator.
 const PRM: usize = 10;
+/// MuJoCo's numbers of kinds of gains and biases.
+const FIXED: i32 = 0;
+const AFFINE: i32 = 1;
 
 impl Parameter {
     /// All of them, with MuJoCo's names.
@@ -180,6 +183,9 @@ impl Parameter {
             Parameter::ActuatorGear if model.basis().damping_ratios => {
                 refuse("dampratio derives biases from gears, which would be stale")
             }
+            Parameter::ActuatorGear if !model.tables().muscles.is_empty() => {
+                refuse("ranges of lengths and forces of muscles follow from gears, and would be stale")
+            }
             Parameter::GeomFriction if model.basis().frictions.iter().all(|source| *source == FrictionSource::Own) => {
                 refuse("no contact has the friction of its geoms")
             }
@@ -187,6 +193,9 @@ impl Parameter {
             _ if model.tables().links.is_empty() => refuse("no body moves"),
             Parameter::BodyMass | Parameter::BodyInertia if model.tables().features.fluid => {
                 refuse("the medium's forces follow from masses and inertias, and would be stale")
+            }
+            _ if model.basis().scaled_muscles => {
+                refuse("forces of muscles follow from inertias, and would be stale; give muscles a force")
             }
             _ if model.basis().damping_ratios && !others.contains(&Parameter::ActuatorBiasprm) => {
                 refuse("dampratio derives biases from inertias, which would be stale; set actuator_biasprm first")
@@ -242,12 +251,16 @@ impl Parameter {
             _ => 0,
         };
         match self {
-            Parameter::ActuatorGainprm => i.is_multiple_of(PRM) || i % PRM < 3 && kind("actuator_gaintype") != 0,
-            Parameter::ActuatorBiasprm => i % PRM < 3 && kind("actuator_biastype") != 0,
+            Parameter::ActuatorGainprm => match kind("actuator_gaintype") {
+                FIXED => i.is_multiple_of(PRM),
+                AFFINE => i % PRM < 3,
+                _ => false,
+            },
+            Parameter::ActuatorBiasprm => i % PRM < 3 && kind("actuator_biastype") == AFFINE,
             Parameter::ActuatorGear => match model.tables().actuators[i / 6].transmission {
-                Transmission::Scalar => i.is_multiple_of(6),
+                Transmission::Scalar | Transmission::Tendon | Transmission::SliderCrank => i.is_multiple_of(6),
                 Transmission::Ball | Transmission::BallInParent => i % 6 < 3,
-                Transmission::Free | Transmission::FreeInParent => true,
+                Transmission::Free | Transmission::FreeInParent | Transmission::Site | Transmission::Relative => true,
             },
             _ => true,
         }
@@ -285,7 +298,10 @@ fn reflected(model: &Model, own: &[f64], array: &str) -> Vec<f64> {
     let tables = model.tables();
     let mut added = vec![0.0; tables.joints.len()];
     for (actuator, x) in tables.actuators.iter().zip(real(model, array)) {
-        added[actuator.joint as usize] += x * (actuator.gear[0] * actuator.gear[0]);
+        // What acts on sites has none.
+        if let Some(added) = added.get_mut(actuator.joint as usize) {
+            *added += x * (actuator.gear[0] * actuator.gear[0]);
+        }
     }
     tables.dofs.iter().zip(own).map(|(dof, own)| own + added[dof.joint as usize]).collect()
 }
@@ -360,10 +376,11 @@ pub(crate) fn widened(model: &Model, set: Quantities) -> Tables<f64> {
         tables.links.iter_mut().for_each(|link| link.diagonal = false);
     }
     let affine = |name: &str, a: usize| match model.array(name).map(|array| &array.data) {
-        Some(ArrayData::I32(kinds)) => kinds[a] != 0,
+        Some(ArrayData::I32(kinds)) => kinds[a] == AFFINE,
         _ => false,
     };
     for (a, actuator) in tables.actuators.iter_mut().enumerate() {
+        actuator.turns |= set.has(Quantity::Gear);
         if set.has(Quantity::Gain) {
             actuator.gain_affine = affine("actuator_gaintype", a);
         }

@@ -41,9 +41,16 @@ pub enum Held {
         /// Coefficients, the constant first.
         polycoef: [f64; 5],
     },
+    /// The same of the lengths of tendons.
+    Tendons {
+        /// Names of the tendons; without a second one, the first is held at y₀ + a₀.
+        tendons: [String; 2],
+        /// Coefficients, the constant first.
+        polycoef: [f64; 5],
+    },
 }
 
-/// An equality constraint (MJCF `equality/connect`, `weld`, `joint`).
+/// An equality constraint (MJCF `equality/connect`, `weld`, `joint`, `tendon`).
 #[derive(Clone, Debug)]
 pub struct Equality {
     /// Name, or empty.

@@ -17,6 +17,8 @@ pub enum ObjectKind {
     Geom,
     /// A site.
     Site,
+    /// A tendon.
+    Tendon,
     /// An actuator.
     Actuator,
 }
@@ -107,9 +109,12 @@ impl Sensor {
             Kind::FrameQuat | Kind::BallQuat => (4, Quaternion, Pos),
             Kind::FrameXAxis | Kind::FrameYAxis | Kind::FrameZAxis => (3, Axis, Pos),
             Kind::InsideSite => (1, Positive, Pos),
-            Kind::JointVel | Kind::ActuatorVel | Kind::JointLimitVel => (1, Real, Vel),
-            Kind::ActuatorFrc | Kind::JointActuatorFrc | Kind::JointLimitFrc => (1, Real, Acc),
-            Kind::Rangefinder | Kind::JointPos | Kind::ActuatorPos | Kind::JointLimitPos => (1, Real, Pos),
+            Kind::JointVel | Kind::TendonVel | Kind::ActuatorVel => (1, Real, Vel),
+            Kind::JointLimitVel | Kind::TendonLimitVel => (1, Real, Vel),
+            Kind::ActuatorFrc | Kind::JointActuatorFrc | Kind::TendonActuatorFrc => (1, Real, Acc),
+            Kind::JointLimitFrc | Kind::TendonLimitFrc => (1, Real, Acc),
+            Kind::Rangefinder | Kind::JointPos | Kind::TendonPos | Kind::ActuatorPos => (1, Real, Pos),
+            Kind::JointLimitPos | Kind::TendonLimitPos => (1, Real, Pos),
             Kind::EPotential | Kind::EKinetic | Kind::Clock => (1, Real, Pos),
             Kind::User => self.user,
         }

@@ -77,7 +77,7 @@ pub const RULES: &[Rule] = &[
         "name=JOINT class=@CLASS type=hinge|slide|ball|free pos=v3 axis=v3 range=v2 limited=true|false|auto \
             stiffness=n damping=n armature=n frictionloss=n springref=n ref=n margin=n springdamper=v2 solreflimit=v2 \
             solimplimit=v5 solreffriction=v2 solimpfriction=v5 actuatorfrcrange=v2 actuatorfrclimited=b \
-            actuatorgravcomp=b group=i user=v2 joint1=@JOINT joint2=@JOINT polycoef=v5 active=b solref=v2 solimp=v5",
+            actuatorgravcomp=b group=i user=v2 joint1=@JOINT joint2=@JOINT polycoef=v5 active=b solref=v2 solimp=v5 joint=@JOINT coef=n",
         "",
     ),
     row("freejoint", "name=JOINT group=i align=true|false|auto", ""),
@@ -85,11 +85,11 @@ pub const RULES: &[Rule] = &[
         "geom",
         "name=GEOM class=@CLASS type=plane|sphere|capsule|ellipsoid|cylinder|box|mesh|hfield|sdf size=v3 \
             fromto=v6 mass=n density=n friction=v3 condim=i contype=i conaffinity=i group=i priority=i margin=n gap=n \
-            solref=v2 solimp=v5 solmix=n pos=v3 quat=v4 euler=v3 axisangle=v4 xyaxes=v6 zaxis=v3 mesh=@MESH \
+            solref=v2 solimp=v5 solmix=n pos=v3 quat=v4 euler=v3 axisangle=v4 xyaxes=v6 zaxis=v3 mesh=@MESH geom=@GEOM sidesite=@SITE \
             hfield=@HFIELD material=@MATERIAL rgba=v4 shellinertia=b fluidshape=none|ellipsoid fluidcoef=v5 user=v3",
         "plugin",
     ),
-    row("site", "name=SITE class=@CLASS type=sphere|box size=v3 fromto=v6 group=i", ""),
+    row("site", "name=SITE class=@CLASS type=sphere|box size=v3 fromto=v6 group=i site=@SITE", ""),
     row("camera", "name=t mode=fixed|track fovy=n target=@BODY pos=v3 xyaxes=v6", ""),
     row("light", "name=t mode=fixed dir=v3 pos=v3 target=@BODY directional=b", ""),
     row("composite", "type=cable|grid|particle count=v3 size=v3 prefix=t", "geom joint"),
@@ -105,7 +105,7 @@ pub const RULES: &[Rule] = &[
     row("actuator", "", ACTUATORS),
     row(
         "motor",
-        "name=ACTUATOR class=@CLASS joint=@JOINT jointinparent=@JOINT site=@SITE tendon=t gear=v6 ctrlrange=v2 \
+        "name=ACTUATOR class=@CLASS joint=@JOINT jointinparent=@JOINT site=@SITE tendon=@TENDON gear=v6 ctrlrange=v2 \
             ctrllimited=true|false|auto forcerange=v2 forcelimited=b group=i armature=n damping=n lengthrange=v2 delay=n \
             refsite=@SITE body=@BODY cranksite=@SITE slidersite=@SITE user=v2",
         "",
@@ -137,6 +137,25 @@ pub const RULES: &[Rule] = &[
     row("jointpos", "name=t joint=@JOINT noise=n", ""),
     row("gyro", "name=t site=@SITE", ""),
     row("equality", "", "weld connect joint tendon"),
+    row(
+        "tendon",
+        "name=t class=@CLASS tendon1=@TENDON tendon2=@TENDON polycoef=v5 active=b solref=v2 solimp=v5 stiffness=n range=v2",
+        "fixed spatial",
+    ),
+    row(
+        "fixed",
+        "name=TENDON class=@CLASS range=v2 limited=true|false|auto margin=n springlength=v2 stiffness=v3 damping=v3 armature=n \
+            frictionloss=n solreflimit=v2 solimplimit=v5 solreffriction=v2 solimpfriction=v5 actuatorfrcrange=v2 \
+            actuatorfrclimited=b group=i joint=@JOINT coef=n",
+        "joint",
+    ),
+    row(
+        "spatial",
+        "name=TENDON class=@CLASS range=v2 limited=true|false|auto margin=n springlength=v1 stiffness=v2 damping=v1 armature=n \
+            frictionloss=n width=n rgba=v4",
+        "site geom pulley",
+    ),
+    row("pulley", "divisor=n", ""),
     row(
         "weld",
         "name=t class=@CLASS body1=@BODY body2=@BODY site1=@SITE site2=@SITE active=b relpose=v7 anchor=v3 torquescale=n \

@@ -6,11 +6,12 @@
 
 One file per model. Names are MuJoCo's, behind a prefix:
 
-    in/     qpos qvel ctrl qfrc_applied xfrc_applied, eq_active if there are any, [N, ...]: the states
+    in/     qpos qvel ctrl qfrc_applied xfrc_applied, act and eq_active if there are any, [N, ...]: the states
     out/    what mj_forward leaves behind at each state, [N, ...], sensordata if there are sensors; contacts and constraint rows
             are padded with zeros to the largest count, `out/ncon` and `out/nefc` say how many count
-    next/   qpos and qvel after one mj_step (Euler)
-    model/  compiled quantities, once; those of sensors if there are any
+    next/   qpos, qvel and act after one mj_step (Euler)
+    model/  compiled quantities, once; those of sensors and tendons if there are any; those of ACTUATORS, and act_dot and
+            actuator_moment, where actuators act on more than joints or have activations
     size/   nq nv nu nbody ...
 
 The solver runs to 1e-14 in at most 200 iterations without warm start, so constrained results are the minimiser and not a
@@ -45,6 +46,17 @@ SENSORS = (
     "sensor_cutoff sensor_noise"
 ).split()
 SENSOR_SIZES = "nsensor nsensordata".split()
+TENDON_MODEL = (
+    "tendon_adr tendon_num tendon_limited tendon_actfrclimited tendon_range tendon_actfrcrange tendon_margin tendon_solref_lim "
+    "tendon_solimp_lim tendon_solref_fri tendon_solimp_fri tendon_stiffness tendon_stiffnesspoly tendon_damping "
+    "tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_length0 tendon_invweight0 wrap_type "
+    "wrap_objid wrap_prm"
+).split()
+ACTUATORS = (
+    "actuator_trntype actuator_trnid actuator_cranklength actuator_length0 actuator_lengthrange actuator_dyntype actuator_dynprm "
+    "actuator_gaintype actuator_biastype actuator_actadr actuator_actnum actuator_actrange actuator_actlimited actuator_actearly "
+    "key_act"
+).split()
 FIELDS = (
     "xpos xquat xipos subtree_com geom_xpos geom_xmat site_xpos site_xmat cdof actuator_length actuator_velocity qfrc_bias "
     "qfrc_passive actuator_force qfrc_actuator qacc_smooth energy qfrc_constraint qacc"
@@ -136,7 +148,12 @@ def move(model, qpos, by):
 
 def inputs(model):
     """What makes up a state."""
-    return INPUTS + ("eq_active",) * (model.neq > 0)
+    return INPUTS + ("act",) * (model.na > 0) + ("eq_active",) * (model.neq > 0)
+
+
+def more_than_joints(model):
+    """Whether actuators have more than the plain ones, which act on joints without activations."""
+    return model.na > 0 or (model.actuator_trntype > int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)).any()
 
 
 def collect(model, rng):
@@ -149,6 +166,8 @@ def collect(model, rng):
         for _ in range(TRIES):
             data = kind(model, rng)
             data.ctrl[:] = rng.uniform(lo, hi) * 1.2
+            if model.na:
+                data.act[:] = rng.uniform(-0.1, 1.1, model.na)
             state = {k: np.array(getattr(data, k)) for k in inputs(model)}
             if steady(model, state):
                 found.append(state)
@@ -210,9 +229,16 @@ def steady(model, state):
 def results(model, data):
     """Everything recorded about one state, contacts and rows unpadded."""
     out = {k: np.array(getattr(data, k)) for k in FIELDS + ["sensordata"] * (model.nsensor > 0)}
+    if more_than_joints(model):
+        moment = np.zeros((model.nu, model.nv))
+        mujoco.mju_sparse2dense(moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
+        out["actuator_moment"], out["act_dot"] = moment, np.array(data.act_dot)
     out["qM"] = np.zeros((model.nv, model.nv))
     if model.nv:
         mujoco.mj_fullM(model, data, out["qM"])
+    if model.ntendon:
+        out["ten_length"], out["ten_velocity"] = np.array(data.ten_length), np.array(data.ten_velocity)
+        out["ten_J"] = tendon_jacobian(model, data)
     out["efc_J"] = jacobian(model, data)
     out.update({k: np.array(getattr(data, k)) for k in ROWS})
     for k, width in CONTACT.items():
@@ -233,6 +259,14 @@ def jacobian(model, data):
     return dense
 
 
+def tendon_jacobian(model, data):
+    dense = np.zeros((model.ntendon, model.nv))
+    for t in range(model.ntendon):
+        start, count = model.ten_J_rowadr[t], model.ten_J_rownnz[t]
+        dense[t, model.ten_J_colind[start:start + count]] = data.ten_J[start:start + count]
+    return dense
+
+
 def pad(rows):
     """Arrays of one field, one per state, as one array padded with zeros."""
     shape = np.max([r.shape for r in rows], axis=0).astype(int) if rows[0].ndim else ()
@@ -249,10 +283,14 @@ def record(path):
         raise SystemExit(f"{path}: not stable under control noise")
     converge(model)
     states = collect(model, rng)
-    arrays = {"size/" + k: np.array(getattr(model, k)) for k in SIZES + ["neq"] * (model.neq > 0) + SENSOR_SIZES * (model.nsensor > 0)}
-    arrays.update({"model/" + k: np.array(getattr(model, k)) for k in MODEL + SENSORS * (model.nsensor > 0)})
+    sizes = SIZES + ["neq"] * (model.neq > 0) + ["ntendon"] * (model.ntendon > 0) + SENSOR_SIZES * (model.nsensor > 0)
+    compiled = MODEL + TENDON_MODEL * (model.ntendon > 0) + SENSORS * (model.nsensor > 0)
+    arrays = {"size/" + k: np.array(getattr(model, k)) for k in sizes}
+    arrays.update({"model/" + k: np.array(getattr(model, k)) for k in compiled})
     arrays.update({"in/" + k: np.array([s[k] for s in states]) for k in inputs(model)})
-    outs, after = [], {"qpos": [], "qvel": []}
+    if more_than_joints(model):
+        arrays.update({"model/" + k: np.array(getattr(model, k)) for k in ACTUATORS})
+    outs, after = [], {k: [] for k in ("qpos", "qvel") + ("act",) * (model.na > 0)}
     for state in states:
         data = forward(model, state)
         outs.append(results(model, data))

@@ -6,7 +6,7 @@
 
 One file per model, steps/<model>.npz, with one row for each state of <model>.npz:
 
-    <integrator>/                qpos and qvel after one mj_step by RK4, implicitfast, implicit and discrete
+    <integrator>/                qpos, qvel and act after one mj_step by RK4, implicitfast, implicit and discrete
     inverse/qacc                 accelerations: those of mj_forward, changed at random by a tenth
     inverse/qfrc_inverse         what mj_inverse makes of them
     inverse/qfrc_inverse_<integrator>   the same with the flag invdiscrete, for Euler, implicitfast, implicit and discrete
@@ -62,6 +62,8 @@ def record(path):
             mujoco.mj_step(model, data)
             add(integrator + "/qpos", data.qpos)
             add(integrator + "/qvel", data.qvel)
+            if model.na:
+                add(integrator + "/act", data.act)
         model.opt.integrator = own
         qacc = warm + 0.1 * (1 + np.abs(warm)) * rng.standard_normal(model.nv)
         add("inverse/qacc", qacc)

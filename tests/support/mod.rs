@@ -17,6 +17,17 @@ pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
+/// Models that the integrator `discrete` refuses: see `what_discrete_steps_refuse` in tests/steps.rs.
+pub const NOT_DISCRETE: [&str; 7] = [
+    "unit/fluid",
+    "unit/actuator_across",
+    "unit/tendon_armature",
+    "unit/tendon_fixed",
+    "unit/tendon_spatial",
+    "unit/tendon_wrap",
+    "unit/tendon_actuators",
+];
+
 /// Every model under `models/zoo` and `models/unit` as folder/name, sorted.
 pub fn all_models() -> Vec<String> {
     let mut names = Vec::new();

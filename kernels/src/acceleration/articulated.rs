@@ -30,7 +30,8 @@ pub fn pays<T>(model: &Model<T>) -> bool {
     let entries = |i: usize| model.tree_pattern.row(i).iter().map(|run| run.len as usize).sum::<usize>();
     let of_row = |n: usize| 36 + 6 * n + n * (n + 3) / 2 + 2 * n;
     let matrix: usize = (0..model.sizes.nv).map(|i| of_row(entries(i))).sum();
-    !model.constrained() && 100 * model.sizes.nv + 27 * model.sizes.nlink < matrix + 10 * model.sizes.nlink
+    let plain = !model.constrained() && model.tendons.iter().all(|tendon| !tendon.heavy);
+    plain && 100 * model.sizes.nv + 27 * model.sizes.nlink < matrix + 10 * model.sizes.nlink
 }
 
 /// Turns the forces `x` into the accelerations (M + diagonal)⁻¹ x, M without armature. `own` are the links' spatial inertias. Pivots D

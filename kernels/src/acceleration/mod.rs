@@ -14,6 +14,7 @@ use crate::model::{Instance, Model, NONE};
 use crate::passive::Passive;
 use crate::position::Position;
 use crate::state::Applied;
+use crate::tendon::{self, Tendons};
 use crate::velocity::Velocity;
 
 fields! {
@@ -87,8 +88,7 @@ fn body_forces<L: Lane>(model: &Model<L::Real>, position: &Position<L>, xfrc: &[
 /// `metric` is what discrete steps have in place of M.
 pub fn smooth_acceleration<L: Lane>(
     model: Instance<'_, L>,
-    position: &Position<L>,
-    inertia: &Inertia<L>,
+    (position, tendons, inertia): (&Position<L>, &Tendons<L>, &Inertia<L>),
     metric: Option<&[L]>,
     acceleration: &mut Acceleration<L>,
 ) -> L::Mask {
@@ -103,7 +103,7 @@ pub fn smooth_acceleration<L: Lane>(
     qacc_smooth.copy_from_slice(qfrc_smooth);
     ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, qacc_smooth);
     if L::Real::EPSILON > 1e-10 && metric.is_none() {
-        refine(model, position, inertia, acceleration);
+        refine(model, (position, tendons, inertia), acceleration);
     }
     singular
 }
@@ -127,8 +127,7 @@ pub fn wild<L: Lane>(qacc_smooth: &[L]) -> L::Mask {
 /// small armature on a large inertia, which the diagonal of M has rounded away, still counts.
 fn refine<L: Lane>(
     model: Instance<'_, L>,
-    position: &Position<L>,
-    inertia: &Inertia<L>,
+    (position, tendons, inertia): (&Position<L>, &Tendons<L>, &Inertia<L>),
     acceleration: &mut Acceleration<L>,
 ) {
     let Acceleration { qfrc_smooth, factor, inverse, qacc_smooth, residual, twist, .. } = acceleration;
@@ -146,6 +145,10 @@ fn refine<L: Lane>(
             let parent = &mut twist[link.parent as usize];
             *parent = add(parent, &force);
         }
+    }
+    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.heavy) {
+        let armature = -L::splat(tendon.armature);
+        tendon::multiply_square(&model, t, &tendons.jacobian, armature, qacc_smooth, residual);
     }
     ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, residual);
     for (a, change) in qacc_smooth.iter_mut().zip(residual.iter()) {

@@ -1,105 +1,111 @@
 //! Actuators: length, velocity and force, and the generalised forces that they make.
 
+mod muscle;
+mod transmission;
+
 use crate::fields::fields;
 use crate::lane::{Lane, Mask, Real};
-use crate::math::quat;
-use crate::math::vec3::{dot, mul, mul_t, splat};
-use crate::model::{Actuator, Instance, Model, Transmission};
+use crate::math::vec3::{norm, splat};
+use crate::model::{Actuator, Dynamics, Instance, Model, Transmission};
 use crate::passive::Passive;
+use crate::position::Position;
 use crate::state::State;
+use crate::tendon::Tendons;
 
 fields! {
     /// Actuators.
     pub struct Actuation(sizes) {
-        /// Length: gear times the joint's position.
+        /// Length: gear times the position of a joint, or what else it is that its transmission measures.
         pub length: Vec<L> = sizes.nu,
         /// Velocity.
         pub velocity: Vec<L> = sizes.nu,
+        /// What its gain multiplies: the control within its range, or the activation.
+        pub input: Vec<L> = sizes.nu,
+        /// Rates of activations.
+        pub act_dot: Vec<L> = sizes.na,
         /// Force.
         pub force: Vec<L> = sizes.nu,
-        /// Moments: generalised force per unit of force on the joints' dofs.
+        /// Force of each tendon's actuators together, of tendons that bound it, before they do.
+        pub total: Vec<L> = sizes.ntendon,
+        /// Moments: generalised force per unit of force, on the dofs of [`Model::moment_dofs`].
         pub moment: Vec<L> = sizes.nmoment,
         /// Sum of the actuators' generalised forces.
         pub qfrc_actuator: Vec<L> = sizes.nv,
     } L
 }
 
-/// Sets the moments and returns the length.
+/// Lengths and moments.
 #[inline(always)]
-fn length_and_moment<L: Lane>(actuator: &Actuator<L::Real>, gear: &[L; 6], q: &[L], moment: &mut [L]) -> L {
-    let turn = [gear[0], gear[1], gear[2]];
-    let unit = |at: usize| quat::unit(&[q[at], q[at + 1], q[at + 2], q[at + 3]]);
-    match actuator.transmission {
-        Transmission::Scalar => {
-            moment[0] = gear[0];
-            gear[0] * q[0]
-        }
-        Transmission::Ball => {
-            moment.copy_from_slice(&turn);
-            dot(&turn, &quat::log(&unit(0)))
-        }
-        Transmission::BallInParent => {
-            let q = unit(0);
-            let turn = mul_t(&quat::to_matrix(&q), &turn);
-            moment.copy_from_slice(&turn);
-            dot(&turn, &quat::log(&q))
-        }
-        Transmission::Free => {
-            moment.copy_from_slice(gear);
-            L::zero()
-        }
-        Transmission::FreeInParent => {
-            let spin = mul(&quat::to_matrix(&quat::conjugate(&unit(3))), &[gear[3], gear[4], gear[5]]);
-            moment[..3].copy_from_slice(&turn);
-            moment[3..].copy_from_slice(&spin);
-            L::zero()
-        }
+pub fn lengths<L: Lane>(
+    model: Instance<'_, L>,
+    qpos: &[L],
+    places: (&Position<L>, &Tendons<L>),
+    actuation: &mut Actuation<L>,
+) {
+    for (a, actuator) in model.actuators.iter().enumerate() {
+        let moment = &mut actuation.moment[actuator.moments.range()];
+        actuation.length[a] = transmission::transmit(model, a, qpos, places, moment);
     }
 }
 
-/// Lengths and moments, and if actuation is on velocities, forces and generalised forces. Returns the lanes in which a
+/// Lengths and moments, and if actuation is on velocities, activations, forces and generalised forces. Returns the lanes in which a
 /// control was not a usable number: all controls of such a world count as 0.
 pub fn actuation<L: Lane>(
     model: Instance<'_, L>,
     state: &State<L>,
-    passive: &Passive<L>,
+    (position, tendons, passive): (&Position<L>, &Tendons<L>, &Passive<L>),
     actuation: &mut Actuation<L>,
 ) -> L::Mask {
-    let State { qpos, qvel, ctrl, .. } = state;
-    let good = usable(ctrl);
+    let State { qpos, qvel, ctrl, act, .. } = state;
+    lengths(model, qpos, (position, tendons), actuation);
     actuation.qfrc_actuator.fill(L::zero());
-    for (a, actuator) in model.actuators.iter().enumerate() {
-        let moment = &mut actuation.moment[actuator.moments.range()];
-        let length = length_and_moment(actuator, &model.gear(a), &qpos[actuator.qpos as usize..], moment);
-        actuation.length[a] = length;
-        if !model.features.actuation {
-            continue;
-        }
-        let dof = actuator.dof as usize;
-        let mut velocity = moment[0] * qvel[dof];
-        for k in 1..moment.len() {
-            velocity = moment[k].mul_add(qvel[dof + k], velocity);
-        }
-        actuation.velocity[a] = velocity;
-        if actuator.disabled {
-            actuation.force[a] = L::zero();
-            continue;
-        }
-        let force = force(model, a, control(&model, a, good, ctrl), length, velocity);
-        actuation.force[a] = force;
-        for (out, moment) in actuation.qfrc_actuator[dof..].iter_mut().zip(&*moment) {
-            *out = moment.mul_add(force, *out);
-        }
-    }
+    actuation.act_dot.fill(L::zero());
     if !model.features.actuation {
         return L::Mask::splat(false);
+    }
+    let good = usable(ctrl);
+    for (a, actuator) in model.actuators.iter().enumerate() {
+        let moment = &actuation.moment[actuator.moments.range()];
+        let length = actuation.length[a];
+        let dofs = &model.moment_dofs[actuator.moments.range()];
+        let mut velocity = L::zero();
+        for (k, (moment, entry)) in moment.iter().zip(dofs).enumerate() {
+            let speed = qvel[entry.dof as usize];
+            velocity = if k == 0 { *moment * speed } else { moment.mul_add(speed, velocity) };
+        }
+        actuation.velocity[a] = velocity;
+        let mut input = control(&model, a, good, ctrl);
+        if let Some(act) = act.get(actuator.act as usize) {
+            let rate = rate(actuator, input, *act);
+            actuation.act_dot[actuator.act as usize] = rate;
+            input = if actuator.early { next(actuator, *act, rate) } else { *act };
+        }
+        if actuator.disabled {
+            (actuation.input[a], actuation.force[a]) = (L::zero(), L::zero());
+            continue;
+        }
+        let input = nearest(model, a, input, length);
+        actuation.input[a] = input;
+        actuation.force[a] = force(model, a, input, length, velocity);
+    }
+    bound_by_tendons(&model, actuation);
+    for (a, actuator) in model.actuators.iter().enumerate().filter(|(_, actuator)| !actuator.disabled) {
+        let Actuation { force, moment, qfrc_actuator, .. } = &mut *actuation;
+        if actuator.force_limited {
+            force[a] = clamp(force[a], &actuator.force_range);
+        }
+        let range = actuator.moments.range();
+        for (entry, moment) in model.moment_dofs[range.clone()].iter().zip(&moment[range]) {
+            let out = &mut qfrc_actuator[entry.dof as usize];
+            *out = moment.mul_add(force[a], *out);
+        }
     }
     route_to_joints(&model, passive, &mut actuation.qfrc_actuator);
     !good
 }
 
 /// The lanes in which all controls are usable numbers.
-pub(crate) fn usable<L: Lane>(ctrl: &[L]) -> L::Mask {
+fn usable<L: Lane>(ctrl: &[L]) -> L::Mask {
     ctrl.iter().fold(L::Mask::splat(true), |good, u| good & u.within(L::Real::MAXVAL))
 }
 
@@ -110,19 +116,94 @@ fn clamp<L: Lane>(x: L, range: &[L::Real; 2]) -> L {
 
 /// The control that an actuator acts on, `good` where it is [`usable`].
 #[inline(always)]
-pub(crate) fn control<L: Lane>(model: &Model<L::Real>, a: usize, good: L::Mask, ctrl: &[L]) -> L {
+fn control<L: Lane>(model: &Model<L::Real>, a: usize, good: L::Mask, ctrl: &[L]) -> L {
     let (actuator, u) = (&model.actuators[a], L::select(good, ctrl[a], L::zero()));
     let limited = actuator.ctrl_limited && model.options.flags.clampctrl;
     if limited { clamp(u, &actuator.ctrl_range) } else { u }
 }
 
+/// Of a servo on a rotation, the setpoint nearest to where it is: a turn is 2π times the gear.
 #[inline(always)]
-fn force<L: Lane>(model: Instance<'_, L>, a: usize, u: L, length: L, velocity: L) -> L {
+fn nearest<L: Lane>(model: Instance<'_, L>, a: usize, setpoint: L, length: L) -> L {
+    let actuator = &model.actuators[a];
+    if !actuator.turning {
+        return setpoint;
+    }
+    let [x, y, z, rx, ry, rz] = model.gear(a);
+    let axis = if actuator.transmission == Transmission::Relative { [rx, ry, rz] } else { [x, y, z] };
+    let turn = norm(&axis) * L::of(2.0 * std::f64::consts::PI);
+    let some = turn.gt(L::zero());
+    let turns = ((length - setpoint) / L::select(some, turn, L::one())).round();
+    // Its gain is that of a servo, and it turns.
+    let servo = (model.gain(a)[0] + model.bias(a)[1]).eq(L::zero()) & some;
+    L::select(servo, turns.mul_add(turn, setpoint), setpoint)
+}
+
+/// Rate of activation `w` at a control `u`.
+#[inline(always)]
+fn rate<L: Lane>(actuator: &Actuator<L::Real>, u: L, w: L) -> L {
+    match actuator.dynamics {
+        Dynamics::None => L::zero(),
+        Dynamics::Integrator => u,
+        Dynamics::Filter => (u - w) * L::splat(actuator.times[0]),
+        Dynamics::Muscle => muscle::rate(actuator, u, w),
+    }
+}
+
+/// Activation `w` after a step with a rate, that of a group that is not disabled.
+#[inline(always)]
+pub fn next<L: Lane>(actuator: &Actuator<L::Real>, w: L, rate: L) -> L {
+    let next = if actuator.disabled { w } else { rate.mul_add(L::splat(actuator.reach), w) };
+    if actuator.act_limited { clamp(next, &actuator.act_range) } else { next }
+}
+
+#[inline(always)]
+fn force<L: Lane>(model: Instance<'_, L>, a: usize, input: L, length: L, velocity: L) -> L {
     let (actuator, gain) = (&model.actuators[a], model.gain(a));
     let affine = |p: &[L; 3]| p[2].mul_add(velocity, p[1].mul_add(length, p[0]));
-    let gain = if actuator.gain_affine { affine(&gain) } else { gain[0] };
-    let force = if actuator.bias_affine { gain.mul_add(u, affine(&model.bias(a))) } else { gain * u };
-    if actuator.force_limited { clamp(force, &actuator.force_range) } else { force }
+    let gain = match model.muscles.get(actuator.muscle_gain as usize) {
+        Some(muscle) => muscle::gain(muscle, length, velocity).0,
+        None if actuator.gain_affine => affine(&gain),
+        None => gain[0],
+    };
+    match model.muscles.get(actuator.muscle_bias as usize) {
+        Some(muscle) => gain.mul_add(input, muscle::bias(muscle, length).0),
+        None if actuator.bias_affine => gain.mul_add(input, affine(&model.bias(a))),
+        None => gain * input,
+    }
+}
+
+/// Where the forces of a tendon's actuators together are beyond its bounds, each gets its share of what is within.
+fn bound_by_tendons<L: Lane>(model: &Model<L::Real>, actuation: &mut Actuation<L>) {
+    let Actuation { force, total, .. } = actuation;
+    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.force_limited) {
+        let own = || (0..).zip(&model.actuators).filter(|(_, actuator)| actuator.tendon as usize == t);
+        total[t] = own().fold(L::zero(), |sum, (a, _): (usize, _)| sum + force[a]);
+        let within = clamp(total[t], &tendon.force_range);
+        let bound = !within.eq(total[t]);
+        let share = within / L::select(bound, total[t], L::one());
+        for (a, _) in own() {
+            force[a] = L::select(bound, share * force[a], force[a]);
+        }
+    }
+}
+
+/// What an actuator's force gains with its length and its velocity, where it is at no bound.
+#[inline(always)]
+pub fn slopes<L: Lane>(model: Instance<'_, L>, a: usize, actuation: &Actuation<L>) -> [L; 2] {
+    let (actuator, input) = (&model.actuators[a], actuation.input[a]);
+    let [_, mut by_length, mut by_velocity] = if actuator.bias_affine { model.bias(a) } else { [L::zero(); 3] };
+    if let Some(muscle) = model.muscles.get(actuator.muscle_gain as usize) {
+        let (_, [length, velocity]) = muscle::gain(muscle, actuation.length[a], actuation.velocity[a]);
+        [by_length, by_velocity] = [length.mul_add(input, by_length), velocity.mul_add(input, by_velocity)];
+    } else if actuator.gain_affine {
+        let [_, length, velocity] = model.gain(a);
+        [by_length, by_velocity] = [length.mul_add(input, by_length), velocity.mul_add(input, by_velocity)];
+    }
+    if let Some(muscle) = model.muscles.get(actuator.muscle_bias as usize) {
+        by_length += muscle::bias(muscle, actuation.length[a]).1;
+    }
+    [by_length, by_velocity]
 }
 
 /// Gravity compensation through actuators, then the bounds on the total force of joints.

@@ -30,7 +30,7 @@ use pair::{Candidate, body};
 
 use crate::fields::fields;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
-use crate::math::vec3::{Mat3, Vec3, zero};
+use crate::math::vec3::{Mat3, Vec3};
 use crate::model::{Instance, Model, NONE, Pair, Shape};
 use crate::position::Position;
 
@@ -192,12 +192,6 @@ impl<L: Lane> Collision<L> {
 /// The tree at whose origin a pair's contacts are placed, that of the second link or else of the first, as a link.
 pub fn reference<T>(pair: &Pair<T>) -> u32 {
     if pair.link2 != NONE { pair.link2 } else { pair.link1 }
-}
-
-/// Origin of the tree of a link; zero for [`NONE`].
-#[inline(always)]
-pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32) -> Vec3<L> {
-    if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
 impl<L: LaneQuery> Collision<L> {

@@ -4,22 +4,25 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use super::{Cone, Constraint, ContactRow, Kind, Strength, dof_rows};
-use crate::collision::{Contact, origin, reference};
+use crate::collision::{Contact, reference};
 use crate::lane::Lane;
 use crate::math::spatial::{Spatial, dot6};
 use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
 use crate::model::{Impedance, Instance, Model, NONE, Pair, PairDof, Sides};
 use crate::options;
 use crate::position::Position;
+use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
-/// Where a block's links are, and how they move.
+/// Where a block's links and tendons are, and how they move.
 #[derive(Debug)]
 pub struct Motion<'a, L> {
     /// Poses, and axes of dofs.
     pub position: &'a Position<L>,
     /// Motions of links.
     pub velocity: &'a Velocity<L>,
+    /// Tendons.
+    pub tendons: &'a Tendons<L>,
     /// Velocities of dofs.
     pub qvel: &'a [L],
 }
@@ -215,14 +218,14 @@ pub fn measure<L: Lane>(
     row: &ContactRow,
     constraint: &mut Constraint<L>,
 ) {
-    let Motion { position, velocity, qvel } = motion;
+    let Motion { position, velocity, qvel, .. } = motion;
     let pair = &model.pairs[row.pair as usize];
     let (grip, dofs) = (Grip::new(model, row.pair as usize), &model.pair_dofs[pair.dofs.range()]);
     let (out, jacobian) = constraint.numbers_mut(row, dofs.len());
     if row.sides == Sides::One {
         return still_side(&grip, contact, &velocity.cvel[row.link as usize], out);
     }
-    let shift = sub(&origin(&model, position, pair.link2), &origin(&model, position, pair.link1));
+    let shift = sub(&position.origin_of(&model, pair.link2), &position.origin_of(&model, pair.link1));
     let at = if row.sides == Sides::Two { contact.pos() } else { add(&contact.pos(), &shift) };
     both_sides(&grip, contact, &at, dofs, (&position.cdof, qvel), jacobian, out);
 }

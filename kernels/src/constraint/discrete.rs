@@ -2,11 +2,12 @@
 //! -(b v + k d (r + h v))/s; Â is that of the step's metric as far as its diagonal tells. Friction of a contact keeps its ratio to the
 //! normal's R.
 
-use super::{Cone, Constraint, ContactRow, DofRowKind, Motion, impedance};
+use super::{Cone, Constraint, ContactRow, DofRow, DofRowKind, Motion, impedance};
 use crate::collision::Collision;
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::math::spatial::{Spatial, dot6};
 use crate::model::{Impedance, Instance, Model, NONE, Sides};
+use crate::tendon;
 
 /// The inertia matrix, and the metric of the step; both stored by `model.rows`.
 #[derive(Clone, Copy, Debug)]
@@ -85,7 +86,7 @@ pub fn discretise<L: LaneQuery>(
     collision: &Collision<L>,
     constraint: &mut Constraint<L>,
 ) {
-    joints(model, motion.qvel, metric, constraint);
+    joints(model, motion, metric, constraint);
     equalities(model, motion.qvel, metric, constraint);
     for i in 0..constraint.contact_rows.len() {
         let row = constraint.contact_rows[i];
@@ -94,20 +95,36 @@ pub fn discretise<L: LaneQuery>(
 }
 
 /// Dry friction and limits. The compiler has changed damping and R of dry friction already.
-fn joints<L: Lane>(model: Instance<'_, L>, qvel: &[L], metric: Metric<'_, L>, constraint: &mut Constraint<L>) {
+fn joints<L: Lane>(
+    model: Instance<'_, L>,
+    motion: Motion<'_, L>,
+    metric: Metric<'_, L>,
+    constraint: &mut Constraint<L>,
+) {
+    let Motion { qvel, tendons, .. } = motion;
     let h = model.options.timestep;
     for (row, lanes) in constraint.dof_rows.iter().zip(&mut constraint.dof_lanes) {
         let (dof, mut ratio) = (row.dof as usize, Ratio::none());
-        if row.kind == DofRowKind::Friction {
+        if row.tendon != NONE {
+            for (dof, j) in tendon::columns(&model, row.tendon as usize, &tendons.jacobian) {
+                ratio.add(model, metric, dof, j);
+            }
+        } else if row.kind == DofRowKind::Friction {
             ratio.add(model, metric, dof, L::one());
+        }
+        if row.kind == DofRowKind::Friction {
             lanes[4] *= ratio.factor();
             continue;
         }
         let parts = if row.kind == DofRowKind::Ball { 3 } else { 1 };
         let mut speed = L::zero();
-        for (k, axis) in lanes.iter().take(parts).enumerate() {
-            ratio.add(model, metric, dof + k, *axis);
-            speed = axis.mul_add(qvel[dof + k], speed);
+        if row.tendon != NONE {
+            speed = lanes[0] * tendons.velocity[row.tendon as usize];
+        } else {
+            for (k, axis) in lanes.iter().take(parts).enumerate() {
+                ratio.add(model, metric, dof + k, *axis);
+                speed = axis.mul_add(qvel[dof + k], speed);
+            }
         }
         let speed = if row.kind == DofRowKind::Ball { -speed } else { speed };
         let Change { stiffer, ahead, spring, b, inverse } =
@@ -193,8 +210,15 @@ fn contact<L: LaneQuery>(
 pub fn held<L: LaneQuery>(model: &Model<L::Real>, constraint: &Constraint<L>, dof: usize) -> L::Mask {
     let link = model.dofs[dof].link;
     let acts = |d: L| d.gt(L::zero());
+    let moves = |row: &DofRow| match row.tendon {
+        NONE => (dof..dof + 6).contains(&(row.dof as usize)),
+        tendon => {
+            let dofs = &model.tendon_dofs[model.tendons[tendon as usize].dofs.range()];
+            dofs.iter().any(|entry| (dof..dof + 6).contains(&(entry.dof as usize)))
+        }
+    };
     let mut held = L::Mask::splat(false);
-    for law in constraint.dof_laws().filter(|law| (dof..dof + 6).contains(&(law.row.dof as usize))) {
+    for law in constraint.dof_laws().filter(|law| moves(&law.row)) {
         held = held | acts(law.d());
     }
     for row in &constraint.contact_rows {

@@ -1,15 +1,21 @@
-//! Dry friction and joint limits.
+//! Dry friction and limits of joints and tendons.
 
 use super::{Constraint, DofLanes, DofRow, DofRowKind, impedance};
 use crate::lane::{Lane, Mask, Real};
 use crate::math::quat;
 use crate::math::vec3::{dot, neg, select};
-use crate::model::{Impedance, Instance, Limit, Model};
+use crate::model::{Impedance, Instance, Limit, Model, NONE};
+use crate::tendon::Tendons;
 
-/// All rows on joints that the model can have, in MuJoCo's order.
+/// All rows on joints and tendons that the model can have, in MuJoCo's order.
 pub fn all_dof_rows<T: Real>(model: &Model<T>) -> impl Iterator<Item = DofRow> {
     let frictions = model.friction_losses.iter().zip(0..);
-    let frictions = frictions.map(|(friction, id)| DofRow { kind: DofRowKind::Friction, id, dof: friction.dof });
+    let frictions = frictions.map(|(friction, id)| DofRow {
+        kind: DofRowKind::Friction,
+        id,
+        dof: friction.dof,
+        tendon: friction.tendon,
+    });
     let limits = model.limits.iter().zip(0..).flat_map(|(limit, id)| {
         use DofRowKind::{Ball, Limit, Lower, Upper};
         let [low, high, margin] = [limit.range[0], limit.range[1], limit.margin].map(T::to_f64);
@@ -20,37 +26,51 @@ pub fn all_dof_rows<T: Real>(model: &Model<T>) -> impl Iterator<Item = DofRow> {
         } else {
             &[Lower, Upper]
         };
-        kinds.iter().map(move |kind| DofRow { kind: *kind, id, dof: limit.dof })
+        kinds.iter().map(move |kind| DofRow { kind: *kind, id, dof: limit.dof, tendon: limit.tendon })
     });
     frictions.chain(limits)
 }
 
-/// Numbers of the rows of the constraint's list, which act in worlds of `alive` alone; returns those in which some of them does.
-pub fn dof_lanes<L: Lane>(
-    model: Instance<'_, L>,
-    qpos: &[L],
-    qvel: &[L],
-    alive: L::Mask,
-    constraint: &mut Constraint<L>,
-) -> L::Mask {
-    let mut some = L::zero().lt(L::zero());
-    let Constraint { dof_rows, dof_lanes, .. } = constraint;
-    for (row, lanes) in dof_rows.iter().zip(dof_lanes) {
-        let violated = violation(&model, row, qpos, qvel);
-        let acts = if row.kind == DofRowKind::Friction { alive } else { violated.pos.lt(L::zero()) & alive };
-        *lanes = numbers(model, row, violated, qvel, acts);
-        some = some | lanes[4].gt(L::zero());
-    }
-    some
+/// What rows on joints and tendons measure.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured<'a, L> {
+    /// Positions.
+    pub qpos: &'a [L],
+    /// Velocities.
+    pub qvel: &'a [L],
+    /// Tendons.
+    pub tendons: &'a Tendons<L>,
 }
 
-/// The worlds in which some row on a joint may act: dry friction always does, and of limits of ball joints it costs as much to
+/// Numbers of the rows of the constraint's list, which act in worlds of `alive` alone; returns those in which some of them does, and
+/// those in which some does that couples dofs that the inertia matrix does not.
+pub fn dof_lanes<L: Lane>(
+    model: Instance<'_, L>,
+    measured: Measured<'_, L>,
+    alive: L::Mask,
+    constraint: &mut Constraint<L>,
+) -> [L::Mask; 2] {
+    let [mut some, mut cross] = [L::zero().lt(L::zero()); 2];
+    let Constraint { dof_rows, dof_lanes, .. } = constraint;
+    for (row, lanes) in dof_rows.iter().zip(dof_lanes) {
+        let violated = violation(&model, row, measured);
+        let acts = if row.kind == DofRowKind::Friction { alive } else { violated.pos.lt(L::zero()) & alive };
+        *lanes = numbers(model, row, violated, acts);
+        some = some | lanes[4].gt(L::zero());
+        if row.tendon != NONE && model.tendons[row.tendon as usize].cross {
+            cross = cross | lanes[4].gt(L::zero());
+        }
+    }
+    [some, cross]
+}
+
+/// The worlds in which some row on a joint or tendon may act: dry friction always does, and of limits of ball joints it costs as much to
 /// tell as to have the row.
-pub fn joint_rows<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L]) -> L::Mask {
+pub fn joint_rows<L: Lane>(model: &Model<L::Real>, measured: Measured<'_, L>) -> L::Mask {
     all_dof_rows(model).fold(L::Mask::splat(false), |acting, row| {
         let acts = match row.kind {
             DofRowKind::Friction | DofRowKind::Ball => L::Mask::splat(true),
-            _ => violation(model, &row, qpos, qvel).pos.lt(L::zero()),
+            _ => violation(model, &row, measured).pos.lt(L::zero()),
         };
         acting | acts
     })
@@ -66,13 +86,18 @@ struct Violation<L> {
 }
 
 #[inline(always)]
-fn violation<L: Lane>(model: &Model<L::Real>, row: &DofRow, qpos: &[L], qvel: &[L]) -> Violation<L> {
+fn violation<L: Lane>(model: &Model<L::Real>, row: &DofRow, measured: Measured<'_, L>) -> Violation<L> {
+    let Measured { qpos, qvel, tendons } = measured;
     let (zero, one) = (L::zero(), L::one());
+    let (length, rate) = match row.tendon {
+        NONE => (qpos, qvel[row.dof as usize]),
+        tendon => (&tendons.length[tendon as usize..], tendons.velocity[tendon as usize]),
+    };
     if row.kind == DofRowKind::Friction {
-        return Violation { axis: [zero; 3], pos: zero, speed: qvel[row.dof as usize] };
+        return Violation { axis: [zero; 3], pos: zero, speed: rate };
     }
     let limit = &model.limits[row.id as usize];
-    let (q, v) = (&qpos[limit.qpos as usize..], &qvel[limit.dof as usize..]);
+    let (q, v) = (&length[limit.qpos as usize..], &qvel[limit.dof as usize..]);
     let margin = L::splat(limit.margin);
     if row.kind == DofRowKind::Ball {
         let (axis, angle) = quat::axis_angle(&quat::unit(&[q[0], q[1], q[2], q[3]]));
@@ -90,23 +115,17 @@ fn violation<L: Lane>(model: &Model<L::Real>, row: &DofRow, qpos: &[L], qvel: &[
             (L::select(low, lower, upper), L::select(low, one, -one))
         }
     };
-    Violation { axis: [sign, zero, zero], pos, speed: sign * v[0] }
+    Violation { axis: [sign, zero, zero], pos, speed: sign * rate }
 }
 
 /// The numbers of a row.
 #[inline(always)]
-fn numbers<L: Lane>(
-    model: Instance<'_, L>,
-    row: &DofRow,
-    violated: Violation<L>,
-    qvel: &[L],
-    acts: L::Mask,
-) -> DofLanes<L> {
+fn numbers<L: Lane>(model: Instance<'_, L>, row: &DofRow, violated: Violation<L>, acts: L::Mask) -> DofLanes<L> {
     let Violation { axis: [x, y, z], pos, speed } = violated;
     if row.kind == DofRowKind::Friction {
         let friction = &model.friction_losses[row.id as usize];
         let d = L::one() / model.regulariser(row.id as usize);
-        return [x, y, z, pos, L::select(acts, d, L::zero()), L::splat(friction.b) * qvel[row.dof as usize]];
+        return [x, y, z, pos, L::select(acts, d, L::zero()), L::splat(friction.b) * speed];
     }
     let Limit { impedance, .. } = &model.limits[row.id as usize];
     let (d, reference) = self::row(&impedance.lanes(), pos, speed, model.limit_weight(row.id as usize), L::one());

@@ -1,4 +1,4 @@
-//! Constraint rows: dry friction, joint limits and contacts, with regularisation and reference acceleration.
+//! Constraint rows: dry friction, limits and contacts, with regularisation and reference acceleration.
 //!
 //! A contact has `dim` components: normal velocity, two tangential, spin and two rolling. Its pyramid's rows are
 //! `normal ± μⱼ·componentⱼ`. Contacts that act in no world of the block are left out; a world in which a row does not act has
@@ -17,7 +17,7 @@ mod impedance;
 pub(crate) use contacts::grow;
 pub use contacts::{Classes, Motion, Numbers, cone, first_dof, kinds, measure, rows_of_pairs};
 pub use discrete::{Metric, discretise, held};
-pub use dof_rows::{all_dof_rows, dof_lanes, joint_rows};
+pub use dof_rows::{Measured, all_dof_rows, dof_lanes, joint_rows};
 pub use equality::{Equalities, equality_rows};
 pub use impedance::impedance;
 
@@ -25,30 +25,32 @@ use crate::lane::Lane;
 use crate::math::vec3::Vec3;
 use crate::model::{Model, Sides};
 
-/// What a row on a joint stands for.
+/// What a row on a joint or tendon stands for. J is that of the length that it is about: of one dof, or of a tendon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DofRowKind {
     /// Dry friction: force within ± bound.
     Friction,
-    /// The limit that is exceeded, lower or upper: J = 1 or -1, the row's sign.
+    /// The limit that is exceeded, lower or upper: J times 1 or -1, the row's sign.
     Limit,
-    /// Lower limit, of a range so narrow that both may act at once: J = 1.
+    /// Lower limit, of a range so narrow that both may act at once: J.
     Lower,
-    /// Upper limit: J = -1.
+    /// Upper limit: -J.
     Upper,
     /// Limit of a ball joint: J = -axis on three dofs.
     Ball,
 }
 
-/// A row that acts on the dofs of one joint.
+/// A row that acts on the dofs of one joint, or along a tendon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DofRow {
     /// Kind.
     pub kind: DofRowKind,
     /// Index into the model's friction losses or limits.
     pub id: u32,
-    /// First dof.
+    /// First dof of the joint.
     pub dof: u32,
+    /// Tendon, or [`NONE`](crate::model::NONE).
+    pub tendon: u32,
 }
 
 /// A row's numbers: rotation axis of a ball joint's limit, or the sign of a limit first; violation r - margin (0 for
@@ -56,7 +58,7 @@ pub struct DofRow {
 /// generated code can read.
 pub type DofLanes<L> = [L; 6];
 
-/// A row on a joint: what it is, and its numbers.
+/// A row on a joint or tendon: what it is, and its numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct DofLaw<'a, L> {
     /// What it is.
@@ -71,7 +73,7 @@ impl<L: Lane> DofLaw<'_, L> {
         [self.lanes[0], self.lanes[1], self.lanes[2]]
     }
 
-    /// J of a limit on one dof.
+    /// Sign of a limit that may be the lower or the upper one.
     #[inline(always)]
     pub fn sign(&self) -> L {
         self.lanes[0]
@@ -227,12 +229,14 @@ impl ContactRow {
 /// they are: beyond the listed contacts they hold numbers that nobody may read.
 #[derive(Clone, Debug)]
 pub struct Constraint<L> {
-    /// Rows on joints: all that the model has.
+    /// Rows on joints and tendons: all that the model has.
     pub dof_rows: Vec<DofRow>,
     /// Their numbers.
     pub dof_lanes: Vec<DofLanes<L>>,
-    /// Worlds in which some row on a joint acts, bit by bit.
+    /// Worlds in which some row on a joint or tendon acts, bit by bit.
     pub joint_lanes: u32,
+    /// Worlds in which some of those acts that couples dofs that the inertia matrix does not.
+    pub joint_cross: u32,
     /// Worlds in which some contact acts.
     pub contact_lanes: u32,
     /// Kinds of contacts with sides in one tree that the model can have, in the order in which they are worked through.
@@ -255,7 +259,7 @@ pub struct Constraint<L> {
     pub motion: Vec<[L; 6]>,
     /// Jacobians of contacts whose sides both move.
     pub jacobian: Vec<L>,
-    /// Whether some listed contact or equality constraint couples dofs that the inertia matrix does not.
+    /// Whether some listed contact, equality constraint or row along a tendon couples dofs that the inertia matrix does not.
     pub cross: bool,
     /// Equality constraints.
     pub equality: Equalities<L>,
@@ -270,6 +274,7 @@ impl<L: Lane> Constraint<L> {
             dof_lanes: vec![[L::zero(); 6]; dof_rows.len()],
             dof_rows,
             joint_lanes: 0,
+            joint_cross: 0,
             contact_lanes: 0,
             rows_of_pairs: rows_of_pairs(model).0,
             kinds: kinds(model),
@@ -296,7 +301,7 @@ impl<L: Lane> Constraint<L> {
             + Equalities::<L>::bytes(model)
     }
 
-    /// The rows on joints.
+    /// The rows on joints and tendons.
     #[inline(always)]
     pub fn dof_laws(&self) -> impl Iterator<Item = DofLaw<'_, L>> {
         self.dof_rows.iter().zip(&self.dof_lanes).map(|(row, lanes)| DofLaw { row: *row, lanes })
@@ -338,7 +343,7 @@ impl<L: Lane> Constraint<L> {
         }
         self.contact_rows.clear();
         self.equality.clear();
-        (self.joint_lanes, self.contact_lanes, self.cross) = (0, 0, false);
+        (self.joint_lanes, self.joint_cross, self.contact_lanes, self.cross) = (0, 0, 0, false);
     }
 
     /// Whether no row acts in any world.

@@ -1,14 +1,14 @@
 //! What actuator forces gain with velocity, and with length.
 
-use crate::actuation::{Actuation, control, usable};
+use crate::actuation::{Actuation, slopes};
 use crate::lane::{Lane, Mask};
-use crate::model::{Actuator, Instance};
-use crate::state::State;
+use crate::model::{Dof, Instance, MomentDof, NONE};
+use crate::options::Integrator;
 
 /// What an actuator's force gains, and what it acts on.
 pub(super) struct Gain<'a, L> {
-    /// Its first dof.
-    pub dof: usize,
+    /// Its dofs.
+    pub dofs: &'a [MomentDof],
     /// Its moments, dof by dof.
     pub moment: &'a [L],
     /// What the force gains with the actuator's length.
@@ -18,47 +18,55 @@ pub(super) struct Gain<'a, L> {
 }
 
 /// Subtracts h times the derivative from a matrix: the moments' products, times what force gains with the actuator's velocity.
-pub fn add<L: Lane>(model: Instance<'_, L>, state: &State<L>, actuation: &Actuation<L>, h: L, matrix: &mut [L]) {
-    gains(model, state, actuation, |Gain { dof, moment, velocity, .. }| {
+pub fn add<L: Lane>(model: Instance<'_, L>, actuation: &Actuation<L>, h: L, matrix: &mut [L]) {
+    gains(model, actuation, |Gain { dofs, moment, velocity, .. }| {
         let slope = h * velocity;
-        for i in 0..moment.len() {
+        products(model, dofs, |at, [i, j]| {
             let scaled = slope * moment[i];
-            for j in 0..=i {
-                let entry = &mut matrix[model.rows.at(dof + i, dof + j)];
-                *entry = scaled.neg_mul_add(moment[j], *entry);
+            matrix[at] = scaled.neg_mul_add(moment[j], matrix[at]);
+        });
+    });
+}
+
+/// Calls `f` with the place in the matrix of every two of an actuator's dofs, and their numbers. As in MuJoCo, what joins branches is
+/// left out, and what joins dofs of a simple body where the matrix is that of symmetric derivatives.
+#[inline(always)]
+pub(super) fn products<L: Lane>(model: Instance<'_, L>, dofs: &[MomentDof], mut f: impl FnMut(usize, [usize; 2])) {
+    let unsymmetric = |dof: &Dof<L::Real>| match model.options.integrator {
+        Integrator::ImplicitFast | Integrator::Discrete => dof.free_base != NONE,
+        _ => true,
+    };
+    let apart = |dof: &Dof<L::Real>| dof.simple && !unsymmetric(dof);
+    for (i, later) in dofs.iter().enumerate() {
+        let row = later.dof as usize;
+        for (j, earlier) in dofs[..=i].iter().enumerate() {
+            let column = earlier.dof as usize;
+            let above = || model.tree_pattern.row(row).iter().any(|run| run.range().contains(&column));
+            if i == j || !apart(&model.dofs[row]) && above() {
+                f(model.rows.at(row, column), [i, j]);
             }
         }
-    });
+    }
 }
 
 /// Calls `f` for every actuator whose force gains anything. A force at a bound, its own or that of its joint, gains nothing.
 #[inline(always)]
-pub(super) fn gains<L: Lane>(
-    model: Instance<'_, L>,
-    state: &State<L>,
-    actuation: &Actuation<L>,
-    mut f: impl FnMut(Gain<'_, L>),
-) {
-    let good = usable(&state.ctrl);
-    let acts = |actuator: &Actuator<L::Real>| !actuator.disabled && (actuator.gain_affine || actuator.bias_affine);
-    for (a, actuator) in model.actuators.iter().enumerate().filter(|(_, actuator)| acts(actuator)) {
-        let [_, length, velocity] = if actuator.bias_affine { model.bias(a) } else { [L::zero(); 3] };
-        let [length, velocity] = if actuator.gain_affine {
-            let (input, [_, by_length, by_velocity]) = (control(&model, a, good, &state.ctrl), model.gain(a));
-            [by_length.mul_add(input, length), by_velocity.mul_add(input, velocity)]
-        } else {
-            [length, velocity]
-        };
-        let (dof, joint) = (actuator.dof as usize, &model.joints[actuator.joint as usize]);
+pub(super) fn gains<L: Lane>(model: Instance<'_, L>, actuation: &Actuation<L>, mut f: impl FnMut(Gain<'_, L>)) {
+    for (a, actuator) in model.actuators.iter().enumerate().filter(|(_, actuator)| actuator.follows()) {
+        let [length, velocity] = slopes(model, a, actuation);
         let mut free = L::Mask::splat(true);
         if actuator.force_limited {
             free = free & within(actuation.force[a], &actuator.force_range);
         }
-        if joint.force_limited {
-            free = free & within(actuation.qfrc_actuator[dof], &joint.force_range);
+        if actuator.joint != NONE && model.joints[actuator.joint as usize].force_limited {
+            let joint = &model.joints[actuator.joint as usize];
+            free = free & within(actuation.qfrc_actuator[joint.dof as usize], &joint.force_range);
+        }
+        if let Some(tendon) = model.tendons.get(actuator.tendon as usize).filter(|tendon| tendon.force_limited) {
+            free = free & within(actuation.total[actuator.tendon as usize], &tendon.force_range);
         }
         f(Gain {
-            dof,
+            dofs: &model.moment_dofs[actuator.moments.range()],
             moment: &actuation.moment[actuator.moments.range()],
             length: L::select(free, length, L::zero()),
             velocity: L::select(free, velocity, L::zero()),

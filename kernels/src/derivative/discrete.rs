@@ -2,12 +2,13 @@
 //! against displacement, both where they hold and do not push. The force is taken where the step ends, -h K v further.
 
 use super::Stages;
-use super::actuators::{Gain, gains};
+use super::actuators::{Gain, gains, products};
 use crate::lane::Lane;
 use crate::math::vec3::norm;
-use crate::model::{Instance, Joint, JointKind};
-use crate::passive::{damper_slope, shift_from_rest, twist_from_rest};
+use crate::model::{Features, Instance, Joint, JointKind, Model, MomentDof, Tendon};
+use crate::passive::{damper_slope, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest};
 use crate::state::State;
+use crate::tendon::{self, Tendons};
 
 /// Adds h D + h² K to a matrix, writes h K v, and where actuators add to it.
 pub(super) fn add<L: Lane>(
@@ -37,23 +38,38 @@ pub(super) fn add<L: Lane>(
             }
         }
     }
+    tendons(&model, stages.tendons, h, (matrix, pull));
     if model.features.actuation {
-        gains(model, state, stages.actuation, |Gain { dof, moment, length, velocity }| {
+        gains(model, stages.actuation, |Gain { dofs, moment, length, velocity }| {
             let (spring, damper) = ((-length).max(L::zero()), (-velocity).max(L::zero()));
             let (held, both) = (h * spring, h * h.mul_add(spring, damper));
-            joined[dof] = L::select(both.gt(L::zero()), L::one(), joined[dof]);
             let mut speed = L::zero();
-            for (i, m) in moment.iter().enumerate() {
-                speed = m.mul_add(state.qvel[dof + i], speed);
-                for j in 0..=i {
-                    let entry = &mut matrix[model.rows.at(dof + i, dof + j)];
-                    *entry = (both * moment[i]).mul_add(moment[j], *entry);
-                }
+            for (m, MomentDof { dof, .. }) in moment.iter().zip(dofs) {
+                let dof = *dof as usize;
+                joined[dof] = L::select(both.gt(L::zero()), L::one(), joined[dof]);
+                speed = m.mul_add(state.qvel[dof], speed);
             }
-            for (i, m) in moment.iter().enumerate() {
-                pull[dof + i] = (held * speed).mul_add(*m, pull[dof + i]);
+            products(model, dofs, |at, [i, j]| matrix[at] = (both * moment[i]).mul_add(moment[j], matrix[at]));
+            for (m, MomentDof { dof, .. }) in moment.iter().zip(dofs) {
+                let pull = &mut pull[*dof as usize];
+                *pull = (held * speed).mul_add(*m, *pull);
             }
         });
+    }
+}
+
+/// Of dampers and springs of tendons.
+fn tendons<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, h: L, (matrix, pull): (&mut [L], &mut [L])) {
+    let Features { springs, dampers, .. } = model.features;
+    let acts = |tendon: &Tendon<L::Real>| springs && tendon.spring || dampers && tendon.damped;
+    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
+        let (zero, speed) = (L::zero(), tendons.velocity[t]);
+        let damper = if dampers { tendon_damper_slope(model, t, speed) } else { zero };
+        let spring = if springs { tendon_spring_slope(tendon, tendons.length[t]) } else { zero };
+        let held = h * spring.max(zero);
+        let both = h.mul_add(held, h * damper.max(zero));
+        tendon::add_square(model, t, &tendons.jacobian, both, matrix);
+        tendon::pull(model, t, &tendons.jacobian, held * speed, pull);
     }
 }
 

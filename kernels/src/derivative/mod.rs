@@ -16,9 +16,10 @@ use crate::lane::Lane;
 use crate::math::{ldl, lu};
 use crate::model::{DofKind, Instance, Model, NONE};
 use crate::options::Integrator;
-use crate::passive::{damper_slope, fluid};
+use crate::passive::{damper_slope, fluid, tendon_damper_slope};
 use crate::position::Position;
 use crate::state::State;
+use crate::tendon::{self, Tendons};
 use crate::velocity::Velocity;
 
 fields! {
@@ -33,7 +34,7 @@ fields! {
         pub metric: Vec<L> = sizes.nm,
         /// What the force loses on the way of a discrete step, h K v.
         pub pull: Vec<L> = sizes.nv,
-        /// By a joint's first dof, 1 in worlds in which an actuator holds it in a discrete step.
+        /// By dof, 1 in worlds in which an actuator holds it in a discrete step.
         pub joined: Vec<L> = sizes.nv,
         /// Reciprocals of the factors' pivots.
         pub inverse: Vec<L> = sizes.nv,
@@ -52,6 +53,7 @@ fields! {
 #[allow(missing_docs)] // each field is the stage of the same name
 pub struct Stages<'a, L> {
     pub position: &'a Position<L>,
+    pub tendons: &'a Tendons<L>,
     pub inertia: &'a Inertia<L>,
     pub velocity: &'a Velocity<L>,
     pub actuation: &'a Actuation<L>,
@@ -102,10 +104,15 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
             let diagonal = &mut out.lower[model.rows.diagonal(i)];
             *diagonal = h.mul_add(damper_slope(model, i, state.qvel[i]), *diagonal);
         }
+        for (t, _) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.damped) {
+            let Tendons { velocity, jacobian, .. } = stages.tendons;
+            let slope = h * tendon_damper_slope(&model, t, velocity[t]);
+            tendon::add_square(&model, t, jacobian, slope, &mut out.lower);
+        }
     }
     fluid::add_slope(&model, stages.position, stages.velocity, h, &mut out.lower);
     if model.features.actuation && !discrete {
-        actuators::add(model, state, stages.actuation, h, &mut out.lower);
+        actuators::add(model, stages.actuation, h, &mut out.lower);
     }
     let Derivative { lower, upper, turn, gain, .. } = out;
     if !upper.is_empty() {

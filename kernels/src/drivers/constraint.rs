@@ -6,11 +6,12 @@ use crate::lane::LaneQuery;
 use crate::model::{Model, Sides};
 use crate::part::{Executor, OneByOne, Op, Part, Parts, Step};
 
-/// Numbers of all rows on joints; lists the contacts that act in some world, closer than their margin, with their numbers.
+/// Numbers of all rows on joints and tendons; lists the contacts that act in some world, closer than their margin, with their numbers.
 pub fn rows<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn Executor<L>) {
-    let mut act = [0];
+    let mut act = [0; 2];
     executor.run(Part::new(Op::Joints), alive, &mut act, step);
-    step.ws.constraint.joint_lanes = act[0];
+    let constraint = &mut step.ws.constraint;
+    [constraint.joint_lanes, constraint.joint_cross] = act;
     list(&step.model, &step.ws.collision, &mut step.ws.constraint);
     if !executor.measure(step, &mut measure) {
         OneByOne::run(executor, step, &mut measure);
@@ -39,7 +40,7 @@ fn measure(parts: &mut dyn Parts) {
 /// Lists the contacts that act in some world, and makes room for their numbers.
 fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
-    (constraint.cross, constraint.coupled) = (constraint.equality.cross != 0, false);
+    (constraint.cross, constraint.coupled) = (constraint.equality.cross | constraint.joint_cross != 0, false);
     constraint.contact_lanes = 0;
     let (mut component, mut jacobian) = (0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {

@@ -6,8 +6,9 @@ use crate::lane::Lane;
 use crate::math::ldl;
 use crate::math::vec3::{add, dot, norm};
 use crate::model::{Instance, Joint, JointKind};
-use crate::passive::{shift_from_rest, twist_from_rest};
+use crate::passive::{shift_from_rest, tendon_spring_energy, twist_from_rest};
 use crate::position::Position;
+use crate::tendon::Tendons;
 
 fields! {
     /// Energies, J.
@@ -21,11 +22,19 @@ fields! {
     } L
 }
 
+/// The stages that they are found from.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)] // each field is the stage of the same name
+pub struct Stages<'a, L> {
+    pub position: &'a Position<L>,
+    pub tendons: &'a Tendons<L>,
+    pub inertia: &'a Inertia<L>,
+}
+
 /// Both energies.
 pub fn energy<L: Lane>(
     model: Instance<'_, L>,
-    position: &Position<L>,
-    inertia: &Inertia<L>,
+    Stages { position, tendons, inertia }: Stages<'_, L>,
     qpos: &[L],
     qvel: &[L],
     energy: &mut Energy<L>,
@@ -41,6 +50,9 @@ pub fn energy<L: Lane>(
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
             potential += spring_energy(joint, &model.stiffness(j), &qpos[joint.qpos as usize..]);
+        }
+        for (tendon, length) in model.tendons.iter().zip(&tendons.length).filter(|(tendon, _)| tendon.spring) {
+            potential += tendon_spring_energy(tendon, *length);
         }
     }
     energy.potential[0] = potential;

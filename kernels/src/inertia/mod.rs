@@ -6,6 +6,7 @@ use crate::math::spatial::{Inertia10, inertia_mul};
 use crate::math::tree;
 use crate::model::{Instance, Link, NONE};
 use crate::position::Position;
+use crate::tendon::{self, Tendons};
 
 fields! {
     /// Spatial inertias and the joint-space inertia matrix.
@@ -20,7 +21,7 @@ fields! {
 }
 
 /// Spatial inertias of links, composite inertias, and M with armature.
-pub fn crb<L: Lane>(model: Instance<'_, L>, position: &Position<L>, inertia: &mut Inertia<L>) {
+pub fn crb<L: Lane>(model: Instance<'_, L>, position: &Position<L>, tendons: &Tendons<L>, inertia: &mut Inertia<L>) {
     for (l, link) in model.links.iter().enumerate() {
         let own = link_inertia(link, model.mass(l), &position.rot[l], &position.com[l]);
         inertia.link[l] = own;
@@ -42,6 +43,9 @@ pub fn crb<L: Lane>(model: Instance<'_, L>, position: &Position<L>, inertia: &mu
         if let Some(diagonal) = row.last_mut() {
             *diagonal = tree::project(&model, &position.cdof, i, &force) + model.armature(i);
         }
+    }
+    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.heavy) {
+        tendon::add_square(&model, t, &tendons.jacobian, L::splat(tendon.armature), &mut inertia.m);
     }
 }
 

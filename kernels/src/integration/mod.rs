@@ -8,6 +8,7 @@ pub use implicit::implicit;
 pub use rk4::{Rates, Rk4};
 
 use crate::acceleration::articulated;
+use crate::actuation;
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, Real};
@@ -25,6 +26,8 @@ fields! {
         pub qpos: Vec<L> = sizes.nq,
         /// Next velocities.
         pub qvel: Vec<L> = sizes.nv,
+        /// Next activations.
+        pub act: Vec<L> = sizes.na,
         /// Acceleration over the step; differs from the solver's where damping is implicit.
         pub qacc: Vec<L> = sizes.nv,
         /// Factor of M + h B, B the slopes of the dampers.
@@ -45,7 +48,7 @@ fields! {
 impl<L: Lane> Integration<L> {
     /// The lanes of `alive` whose next state is finite and not huge.
     pub fn usable(&self, alive: L::Mask) -> L::Mask {
-        self.qpos.iter().chain(&self.qvel).fold(alive, |good, x| good & x.within(L::Real::MAXVAL))
+        self.qpos.iter().chain(&self.qvel).chain(&self.act).fold(alive, |good, x| good & x.within(L::Real::MAXVAL))
     }
 }
 
@@ -95,6 +98,19 @@ pub fn euler<L: Lane>(
     advance(&model, qpos, &out.qvel, h, &mut out.qpos);
 }
 
+/// Next activations, from their rates.
+pub fn activations<L: Lane>(model: &Model<L::Real>, act: &[L], act_dot: &[L], out: &mut [L]) {
+    if !model.features.actuation {
+        return out.copy_from_slice(act);
+    }
+    for actuator in &model.actuators {
+        let at = actuator.act as usize;
+        if let Some(w) = act.get(at) {
+            out[at] = actuation::next(actuator, *w, act_dot[at]);
+        }
+    }
+}
+
 /// Replaces the state by the next one in the lanes of `alive` whose next state is usable, and returns these; `accelerations` as of
 /// [`replace`].
 pub fn commit<L: Lane>(
@@ -127,6 +143,7 @@ pub fn replace<L: Lane>(
     };
     replace(&mut state.qpos, &next.qpos);
     replace(&mut state.qvel, &next.qvel);
+    replace(&mut state.act, &next.act);
     for (i, warm) in state.qacc_warmstart.iter_mut().enumerate() {
         *warm = L::select(good, qacc[i] - qacc_smooth[i] + zero, *warm);
     }

@@ -4,7 +4,7 @@
 //! vector and ω the velocity in the turned frame, u' = dexp⁻¹(u) ω (Munthe-Kaas, High order Runge-Kutta methods on manifolds, Appl.
 //! Numer. Math. 29, 1999). The mean of angular velocities would be of second order only.
 
-use super::{Integration, advance};
+use super::{Integration, activations, advance};
 use crate::fields::fields;
 use crate::lane::{Lane, Real, sin_cos};
 use crate::math::vec3::{cross, norm, scale_add};
@@ -21,6 +21,8 @@ fields! {
         pub rates: Vec<L> = sizes.nv,
         /// Weighted sum of the accelerations.
         pub qaccs: Vec<L> = sizes.nv,
+        /// Weighted sum of the rates of activations.
+        pub act_dots: Vec<L> = sizes.na,
         /// Where they lead.
         pub qpos: Vec<L> = sizes.nq,
     } L
@@ -68,24 +70,24 @@ impl<L: Lane> Rk4<L> {
         ctrl.copy_from_slice(&state.ctrl);
         eq_active.copy_from_slice(&state.eq_active);
         qacc_warmstart.copy_from_slice(&state.qacc_warmstart);
-        let Rates { rate, rates, qaccs, .. } = &mut self.rates;
-        [rate, rates, qaccs].into_iter().for_each(|sums| sums.fill(L::zero()));
+        let Rates { rate, rates, qaccs, act_dots, .. } = &mut self.rates;
+        [rate, rates, qaccs, act_dots].into_iter().for_each(|sums| sums.fill(L::zero()));
     }
 
-    /// Takes over what evaluation `part` of the present stage has found, the accelerations with constraints and without, and moves
-    /// on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
+    /// Takes over what evaluation `part` of the present stage has found, the accelerations with constraints and without and the rates of
+    /// activations, and moves on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
     /// Worlds that are not `good` stay as they are. Returns the others whose accelerations and next state are usable.
     pub fn take(
         &mut self,
         model: &Model<L::Real>,
         part: usize,
-        [qacc, qacc_smooth]: [&[L]; 2],
+        ([qacc, qacc_smooth], act_dot): ([&[L]; 2], &[L]),
         state: &State<L>,
         good: L::Mask,
         out: &mut Integration<L>,
     ) -> L::Mask {
         let h = model.options.timestep;
-        let Rk4 { stage, rates: Rates { rate, rates, qaccs, qpos } } = self;
+        let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, qpos } } = self;
         // Of the accelerations only the first is held against the largest number, as for other integrators.
         let judged = if part == 0 { qacc } else { &[] };
         let good = judged.iter().fold(good, |good, a| good & a.within(L::Real::MAXVAL));
@@ -96,6 +98,9 @@ impl<L: Lane> Rk4<L> {
             rates[i] = weight.mul_add(rate[i], rates[i]);
             qaccs[i] = weight.mul_add(qacc[i], qaccs[i]);
         }
+        for (sum, rate) in act_dots.iter_mut().zip(act_dot) {
+            *sum = weight.mul_add(*rate, *sum);
+        }
         let last = part + 1 == Self::PARTS;
         let (reach, rates, qaccs) = if last { (h, &*rates, &**qaccs) } else { (REACH[part] * h, &*rate, qacc) };
         let take = |old: &mut L, new: L| *old = L::select(good, new, *old);
@@ -105,6 +110,15 @@ impl<L: Lane> Rk4<L> {
             take(&mut out.qvel[i], L::of(reach).mul_add(*a, state.qvel[i]));
             take(&mut out.qacc[i], *a);
         }
+        if last {
+            let Integration { act, .. } = out;
+            // What a lost world would have is judged with the rest of its state.
+            activations(model, &state.act, act_dots, act);
+        } else {
+            for (i, rate) in act_dot.iter().enumerate() {
+                take(&mut out.act[i], L::of(reach).mul_add(*rate, state.act[i]));
+            }
+        }
         let good = out.usable(good);
         if !last {
             let take = |old: &mut [L], new: &[L]| {
@@ -112,6 +126,7 @@ impl<L: Lane> Rk4<L> {
             };
             take(&mut stage.qpos, &out.qpos);
             take(&mut stage.qvel, &out.qvel);
+            take(&mut stage.act, &out.act);
             take(&mut stage.time, &[state.time[0] + L::of(reach)]);
             for (i, warm) in stage.qacc_warmstart.iter_mut().enumerate() {
                 *warm = L::select(good, qacc[i] - qacc_smooth[i], *warm);

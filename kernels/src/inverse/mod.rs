@@ -57,11 +57,11 @@ pub fn inverse<L: LaneQuery>(
     let discrete = model.options.integrator == Integrator::Discrete;
     if discrete {
         // The solver's acceleration is that of the step, and rows are of that: as in MuJoCo, whatever is asked for.
-        let Workspace { position, inertia, velocity, actuation, derivative, constraint, .. } = &mut *ws;
+        let Workspace { position, tendons, inertia, velocity, actuation, derivative, constraint, .. } = &mut *ws;
         derivative::implicit(
             instance,
             state,
-            derivative::Stages { position, inertia, velocity, actuation },
+            derivative::Stages { position, tendons, inertia, velocity, actuation },
             derivative,
         );
         let held = |dof: usize| constraint::held(model, constraint, dof);
@@ -81,6 +81,7 @@ pub fn inverse<L: LaneQuery>(
         model,
         mean_inertia: instance.mean_inertia(),
         position: &ws.position,
+        tendons: &ws.tendons,
         inertia: &ws.inertia,
         acceleration: &ws.acceleration,
         constraint: &ws.constraint,
@@ -94,9 +95,9 @@ pub fn inverse<L: LaneQuery>(
 
 /// y = (M - h D) x, with the matrix of the integrator: that by which it divides forces.
 fn implicit_product<L: Lane>(model: Instance<'_, L>, state: &State<L>, ws: &mut Workspace<L>, x: &[L], y: &mut [L]) {
-    let Workspace { position, inertia, velocity, actuation, derivative, .. } = ws;
+    let Workspace { position, tendons, inertia, velocity, actuation, derivative, .. } = ws;
     if Stage::Derivative.present(&model) {
-        let stages = derivative::Stages { position, inertia, velocity, actuation };
+        let stages = derivative::Stages { position, tendons, inertia, velocity, actuation };
         derivative::implicit(model, state, stages, derivative);
         return derivative::multiply(&model, derivative, x, y);
     }

@@ -11,13 +11,15 @@ mod hull;
 mod pattern;
 mod sensors;
 mod tables;
+mod tendon;
 mod varied;
 
 pub use cast::{Cast, Representable};
 pub use hull::{Hull, HullFace};
 pub use pattern::{Pattern, Rows};
-pub use sensors::{Bound, Mount, Sensor, SensorKind, Target};
+pub use sensors::{Bound, Sensor, SensorKind, Target};
 pub use tables::*;
+pub use tendon::{Passes, Round, Stretch, StretchDof, Tendon, TendonDof};
 pub use varied::{Instance, Quantities, Quantity, Varied};
 
 use std::sync::Arc;
@@ -54,7 +56,7 @@ pub struct Sizes {
     pub nv: usize,
     /// Controls.
     pub nu: usize,
-    /// Actuator moments: the sum of the degrees of freedom of the actuators' joints.
+    /// Actuator moments: the sum of the degrees of freedom on which actuators act.
     pub nmoment: usize,
     /// Activations.
     pub na: usize,
@@ -94,6 +96,10 @@ pub struct Sizes {
     pub nsensoracc: usize,
     /// Links of a model whose sensors measure orientations, or torques beside welds, else 0.
     pub nsensorquat: usize,
+    /// Tendons.
+    pub ntendon: usize,
+    /// Entries of their Jacobians.
+    pub ntj: usize,
 }
 
 /// Most entries for which a list is given room in advance. Models in which thousands of pairs could touch at once, and
@@ -116,9 +122,9 @@ pub struct Capacity {
 /// What the model contains, so that a step runs only what is needed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Features {
-    /// Some joint has a spring and springs are on.
+    /// Some joint or tendon has a spring and springs are on.
     pub springs: bool,
-    /// Some dof has a damper and dampers are on.
+    /// Some dof or tendon has a damper and dampers are on.
     pub dampers: bool,
     /// Some body has gravity compensation, gravity is on and not zero, and passive forces are on.
     pub gravcomp: bool,
@@ -150,7 +156,7 @@ impl<T: Real, U: Real> Cast<U> for Blur<T> {
 }
 
 /// A compiled model, over real type `T`. Made by the compiler of the `lanesim` package; kernels trust its indices.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Model<T> {
     /// Numbers of elements.
     pub sizes: Sizes,
@@ -180,7 +186,15 @@ pub struct Model<T> {
     pub pair_dofs: Vec<PairDof>,
     /// Bodies in a medium; empty if there is none, or passive forces are off.
     pub fluids: Vec<Fluid<T>>,
-    /// Joint limits, in the order of joints; empty if the flag `limit` or `constraint` is off.
+    /// Tendons, in MJCF order.
+    pub tendons: Vec<Tendon<T>>,
+    /// Degrees of freedom of tendons.
+    pub tendon_dofs: Vec<TendonDof<T>>,
+    /// Pieces of the paths of tendons.
+    pub stretches: Vec<Stretch<T>>,
+    /// Degrees of freedom of those.
+    pub stretch_dofs: Vec<StretchDof>,
+    /// Limits, in the order of joints, then of tendons; empty if the flag `limit` or `constraint` is off.
     pub limits: Vec<Limit<T>>,
     /// Equality constraints that can act, in MJCF order; empty if the flag `equality` or `constraint` is off.
     pub equalities: Vec<Equality<T>>,
@@ -188,14 +202,18 @@ pub struct Model<T> {
     pub equality_dofs: Vec<EqualityDof>,
     /// Whether each equality constraint of the file is active at first, 1 or 0, length neq.
     pub eq_active0: Vec<T>,
-    /// Dry friction, in the order of dofs; empty if the flag `frictionloss` or `constraint` is off.
+    /// Dry friction, in the order of dofs, then of tendons; empty if the flag `frictionloss` or `constraint` is off.
     pub friction_losses: Vec<FrictionLoss<T>>,
     /// Actuators.
     pub actuators: Vec<Actuator<T>>,
+    /// Frames on which they act, and that sensors are about.
+    pub mounts: Vec<Mount<T>>,
+    /// Degrees of freedom on which they act.
+    pub moment_dofs: Vec<MomentDof>,
+    /// Gains and biases of muscles.
+    pub muscles: Vec<Muscle<T>>,
     /// Sensors.
     pub sensors: Vec<Sensor<T>>,
-    /// Frames that they are about.
-    pub mounts: Vec<Mount<T>>,
     /// Geoms that their rays can meet; none if there are no rays.
     pub targets: Vec<Target<T>>,
     /// Storage of the inertia matrix and of the solver's Hessian.
@@ -263,14 +281,20 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),
             fluids: self.fluids.cast(),
+            tendons: self.tendons.cast(),
+            tendon_dofs: self.tendon_dofs.cast(),
+            stretches: self.stretches.cast(),
+            stretch_dofs: self.stretch_dofs.clone(),
             limits: self.limits.cast(),
             equalities: self.equalities.cast(),
             equality_dofs: self.equality_dofs.clone(),
             eq_active0: self.eq_active0.cast(),
             friction_losses: self.friction_losses.cast(),
             actuators: self.actuators.cast(),
-            sensors: self.sensors.cast(),
             mounts: self.mounts.cast(),
+            moment_dofs: self.moment_dofs.clone(),
+            muscles: self.muscles.cast(),
+            sensors: self.sensors.cast(),
             targets: self.targets.cast(),
             rows: self.rows.clone(),
             tree_pattern: self.tree_pattern.clone(),

@@ -46,6 +46,10 @@ kinds! {
     JointPos = 9 "jointpos";
     /// Velocity of a slide or hinge.
     JointVel = 10 "jointvel";
+    /// Length of a tendon.
+    TendonPos = 11 "tendonpos";
+    /// Rate of that.
+    TendonVel = 12 "tendonvel";
     /// Length of an actuator.
     ActuatorPos = 13 "actuatorpos";
     /// Velocity of an actuator.
@@ -54,6 +58,8 @@ kinds! {
     ActuatorFrc = 15 "actuatorfrc";
     /// Force of all actuators on a slide or hinge.
     JointActuatorFrc = 16 "jointactuatorfrc";
+    /// Force of all actuators on a tendon.
+    TendonActuatorFrc = 17 "tendonactuatorfrc";
     /// Orientation of a ball joint.
     BallQuat = 18 "ballquat";
     /// Angular velocity of a ball joint, axes of its body, rad/s.
@@ -64,6 +70,12 @@ kinds! {
     JointLimitVel = 21 "jointlimitvel";
     /// Force of the limit.
     JointLimitFrc = 22 "jointlimitfrc";
+    /// Violation of a tendon's limit, 0 where it does not act.
+    TendonLimitPos = 23 "tendonlimitpos";
+    /// Rate of that.
+    TendonLimitVel = 24 "tendonlimitvel";
+    /// Force of the limit.
+    TendonLimitFrc = 25 "tendonlimitfrc";
     /// Position of a frame, m.
     FramePos = 26 "framepos";
     /// Orientation of a frame.
@@ -103,8 +115,19 @@ kinds! {
 impl SensorKind {
     /// Whether it follows from constraint rows and their forces.
     pub fn of_rows(self) -> bool {
-        use SensorKind::{Force, JointLimitFrc, JointLimitPos, JointLimitVel, Torque, Touch};
-        matches!(self, Touch | Force | Torque | JointLimitPos | JointLimitVel | JointLimitFrc)
+        use SensorKind::{Force, Torque, Touch};
+        matches!(self, Touch | Force | Torque) || self.of_limit().is_some()
+    }
+
+    /// Of a sensor of limits, which number of theirs: violation, rate or force.
+    pub fn of_limit(self) -> Option<usize> {
+        use SensorKind as Kind;
+        Some(match self {
+            Kind::JointLimitPos | Kind::TendonLimitPos => 0,
+            Kind::JointLimitVel | Kind::TendonLimitVel => 1,
+            Kind::JointLimitFrc | Kind::TendonLimitFrc => 2,
+            _ => return None,
+        })
     }
 
     /// Whether it follows from accelerations of links.
@@ -143,7 +166,7 @@ table! {
         pub mount: u32,
         /// The frame in which it is seen, or the site of [`SensorKind::InsideSite`], likewise.
         pub reference: u32,
-        /// Position, dof, actuator or limit that it is about; MJCF body of a touch sensor or rangefinder.
+        /// Position, dof, tendon, actuator or limit that it is about; MJCF body of a touch sensor or rangefinder.
         pub id: u32,
         /// MJCF bodies that it is about: one and all that it carries.
         pub bodies: Span,
@@ -154,21 +177,6 @@ table! {
         pub size: [T; 3],
         /// The bound.
         pub cutoff: T,
-    } T
-}
-
-table! {
-    /// A frame that some sensor is about.
-    pub struct Mount {
-        /// Link that carries it, or [`NONE`](super::NONE): it stands still.
-        pub link: u32,
-        real:
-        /// Position in the link's frame, or in the world.
-        pub pos: [T; 3],
-        /// Orientation, row-major, likewise.
-        pub rot: [T; 9],
-        /// The same as a quaternion.
-        pub quat: [T; 4],
     } T
 }
 

@@ -1,7 +1,7 @@
 //! One table entry per element of the model.
 
-use super::Span;
 use super::cast::{Cast, Representable, table};
+use super::{NONE, Span};
 use crate::lane::{Lane, Real};
 
 table! {
@@ -130,6 +130,8 @@ table! {
         pub parent: u32,
         /// First degree of freedom of the tree's free joint, or [`NONE`].
         pub free_base: u32,
+        /// Whether its row of the inertia matrix is the diagonal alone, by what its body is.
+        pub simple: bool,
         /// Whether any damping is not zero (the joint's or reflected from actuators).
         pub damped: bool,
         /// Whether `damping[1..]` are zero.
@@ -269,6 +271,13 @@ table! {
     } T
 }
 
+impl<T> Actuator<T> {
+    /// Whether its force may follow its length or its velocity.
+    pub fn follows(&self) -> bool {
+        !self.disabled && (self.gain_affine || self.bias_affine || self.muscle_gain != NONE || self.muscle_bias != NONE)
+    }
+}
+
 impl<T: Copy> Geom<T> {
     /// Position, orientation, sizes.
     #[inline(always)]
@@ -320,8 +329,10 @@ pub struct PairDof {
 }
 
 table! {
-    /// A joint limit.
+    /// A limit of a joint, or of a tendon.
     pub struct Limit {
+        /// Tendon, or [`NONE`]; then `joint`, `dof` and `qpos` are 0.
+        pub tendon: u32,
         /// Joint.
         pub joint: u32,
         /// First degree of freedom.
@@ -337,7 +348,7 @@ table! {
         pub margin: T,
         /// Impedance.
         pub impedance: Impedance<T>,
-        /// Â: inverse weight of the joint's dofs.
+        /// Â: inverse weight of the joint's dofs, or of the tendon.
         pub invweight: T,
     } T
 }
@@ -351,6 +362,8 @@ pub enum EqualityKind {
     Weld,
     /// The position of a joint as a polynomial of that of another, or at a value: one row.
     Joint,
+    /// The same of the lengths of tendons.
+    Tendon,
 }
 
 table! {
@@ -366,6 +379,8 @@ table! {
         pub bodies: [u32; 2],
         /// Positions of its joints; [`NONE`] for a second that there is not.
         pub qpos: [u32; 2],
+        /// Its tendons, likewise.
+        pub tendons: [u32; 2],
         /// Degrees of freedom that move one of its sides against the other, in [`Model::equality_dofs`], ascending.
         pub dofs: Span,
         /// Whether it couples dofs that the inertia matrix does not.
@@ -381,9 +396,9 @@ table! {
         pub quat: [[T; 4]; 2],
         /// Length that stands for a radian (weld).
         pub torquescale: T,
-        /// Coefficients of the polynomial, constant first (joint).
+        /// Coefficients of the polynomial, constant first (joint, tendon).
         pub polynomial: [T; 5],
-        /// Positions of the joints in the reference configuration, from which the polynomial counts.
+        /// Positions of the joints, or lengths of the tendons, in the reference configuration, from which the polynomial counts.
         pub reference: [T; 2],
         /// Impedance.
         pub impedance: Impedance<T>,
@@ -399,7 +414,7 @@ impl<T> Equality<T> {
         match self.kind {
             EqualityKind::Connect => 3,
             EqualityKind::Weld => 6,
-            EqualityKind::Joint => 1,
+            EqualityKind::Joint | EqualityKind::Tendon => 1,
         }
     }
 
@@ -420,8 +435,10 @@ pub struct EqualityDof {
 }
 
 table! {
-    /// Dry friction of a degree of freedom.
+    /// Dry friction of a degree of freedom, or of a tendon.
     pub struct FrictionLoss {
+        /// Tendon, or [`NONE`]; then `dof` is 0.
+        pub tendon: u32,
         /// Degree of freedom.
         pub dof: u32,
         real:
@@ -481,21 +498,97 @@ pub enum Transmission {
     Free,
     /// A free joint; rotational gear in the world's frame.
     FreeInParent,
+    /// A site: force and torque in its axes, and no length.
+    Site,
+    /// A site relative to another, in whose axes force and torque are, and lengths that are measured from it.
+    Relative,
+    /// A tendon: length is gear·length.
+    Tendon,
+    /// A slide along the second site's z axis, on a crank's end at the first by a rod of [`Actuator::rod`].
+    SliderCrank,
 }
 
 table! {
-    /// An actuator: force = gain·control + bias.
+    /// A frame that is fixed to a link: on which an actuator acts, or that a sensor is about.
+    pub struct Mount {
+        /// Link that carries it, or [`NONE`]: it stands still.
+        pub link: u32,
+        real:
+        /// Position in the link's frame, or in the world.
+        pub pos: [T; 3],
+        /// Orientation, row-major, likewise.
+        pub rot: [T; 9],
+        /// The same as a quaternion.
+        pub quat: [T; 4],
+    } T
+}
+
+/// One degree of freedom on which an actuator acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MomentDof {
+    /// Degree of freedom.
+    pub dof: u32,
+    /// Which of the actuator's mounts it moves.
+    pub moves: [bool; 2],
+}
+
+/// How an actuator's activation w follows its control u.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dynamics {
+    /// There is none: the control acts.
+    None,
+    /// w' = u.
+    Integrator,
+    /// w' = (u - w) / τ.
+    Filter,
+    /// That of a muscle, which is quicker to tense than to relax.
+    Muscle,
+}
+
+table! {
+    /// What a muscle does: its force by length and velocity. Lengths are counted in the muscle's own, in which it is strongest at 1.
+    pub struct Muscle {
+        real:
+        /// Actuator's length at which the muscle's is `low`.
+        pub start: T,
+        /// The muscle's length at `start`.
+        pub low: T,
+        /// Muscle's length per actuator's.
+        pub scale: T,
+        /// Velocity, in units of the largest, per actuator's.
+        pub speed: T,
+        /// Peak force.
+        pub force: T,
+        /// Shortest and longest length at which it pulls.
+        pub reach: [T; 2],
+        /// Lengths between these and 1, where the arcs of the curve meet.
+        pub knees: [T; 2],
+        /// Reciprocals of the arcs' widths, from the shortest length on.
+        pub arcs: [T; 4],
+        /// Force at the largest lengthening velocity, as a share of the peak.
+        pub fvmax: T,
+        /// Passive force at `reach[1]`, likewise.
+        pub fpmax: T,
+    } T
+}
+
+table! {
+    /// An actuator: force = gain·control + bias, or gain·activation + bias.
     pub struct Actuator {
         /// What it acts on.
         pub transmission: Transmission,
-        /// Joint.
+        /// Joint, or [`NONE`].
         pub joint: u32,
+        /// Tendon, or [`NONE`].
+        pub tendon: u32,
         /// First position of the joint.
         pub qpos: u32,
-        /// First degree of freedom of the joint.
-        pub dof: u32,
-        /// Its moments, one for each degree of freedom of the joint.
+        /// Its frames: of a site one, of two sites two, in [`Model::mounts`].
+        pub mounts: Span,
+        /// Its moments, one for each degree of freedom on which it acts: these are in [`Model::moment_dofs`], ascending.
         pub moments: Span,
+        /// Of two sites, whether the gear has a rotation.
+        pub turns: bool,
         /// Whether the gain depends on length or velocity.
         pub gain_affine: bool,
         /// Whether there is a bias.
@@ -506,9 +599,27 @@ table! {
         pub force_limited: bool,
         /// Whether its group is disabled: no force.
         pub disabled: bool,
+        /// Whether a setpoint is a rotation, and as good a turn further.
+        pub turning: bool,
+        /// How its activation follows its control.
+        pub dynamics: Dynamics,
+        /// Its activation, or [`NONE`].
+        pub act: u32,
+        /// Whether the activation is clamped.
+        pub act_limited: bool,
+        /// Whether it acts with the activation that it has at the end of the step.
+        pub early: bool,
+        /// Whether a muscle's activation blends its two time constants.
+        pub smooth: bool,
+        /// Of muscles, what their gain is, in [`Model::muscles`], or [`NONE`].
+        pub muscle_gain: u32,
+        /// The same of the bias.
+        pub muscle_bias: u32,
         real:
         /// Gear.
         pub gear: [T; 6],
+        /// Length of a crank's rod.
+        pub rod: T,
         /// Gain: constant, per length, per velocity.
         pub gain: [T; 3],
         /// Bias: constant, per length, per velocity.
@@ -517,5 +628,12 @@ table! {
         pub ctrl_range: [T; 2],
         /// Bounds of the force.
         pub force_range: [T; 2],
+        /// Of a filter, 1/τ; of a muscle, its time constants of activation and deactivation, and the reciprocal of the width over
+        /// which these are blended.
+        pub times: [T; 3],
+        /// What an activation gains in a step, per unit of its rate.
+        pub reach: T,
+        /// Bounds of the activation.
+        pub act_range: [T; 2],
     } T
 }

@@ -133,8 +133,9 @@ parts! {
     /// [`energy::energy`].
     Energy: "energy", Energy, WHOLE, 0 => 0, shared [], changes ["energy"],
         |_, step, _, _| {
-            let Workspace { position, inertia, energy, .. } = &mut *step.ws;
-            energy::energy(step.model, position, inertia, &step.state.qpos, &step.state.qvel, energy);
+            let Workspace { position, tendons, inertia, energy, .. } = &mut *step.ws;
+            let stages = energy::Stages { position, tendons, inertia };
+            energy::energy(step.model, stages, &step.state.qpos, &step.state.qvel, energy);
         };
     /// [`sensor::measure`].
     Sensor: "sensor", Sensor, WHOLE, 0 => 0, shared [], changes ["sensor"],
@@ -172,17 +173,19 @@ parts! {
         changes ["equality.jacobian", "equality.pos", "equality.d", "equality.reference", "equality.swamping"],
         |_, step, _, (alive, put)| {
             let Step { model, state, ws, .. } = step;
-            let Workspace { position, velocity, constraint, .. } = &mut **ws;
-            let motion = constraint::Motion { position, velocity, qvel: &state.qvel };
+            let Workspace { position, tendons, velocity, constraint, .. } = &mut **ws;
+            let motion = constraint::Motion { position, velocity, tendons, qvel: &state.qvel };
             let read = (&state.qpos[..], &state.eq_active[..]);
             let masks = constraint::equality_rows(*model, motion, read, alive, &mut constraint.equality);
             masks.into_iter().for_each(put);
         };
-    /// [`constraint::dof_lanes`]: rows on joints; where some act.
-    Joints: "joints", Constraint, WHOLE, 1 => 1, shared [], changes ["constraint.dof_lanes"],
+    /// [`constraint::dof_lanes`]: rows on joints and tendons; where some act, and where some do that join branches.
+    Joints: "joints", Constraint, WHOLE, 1 => 2, shared [], changes ["constraint.dof_lanes"],
         |_, step, _, (alive, put)| {
             let Step { model, state, ws, .. } = step;
-            put(constraint::dof_lanes(*model, &state.qpos, &state.qvel, alive, &mut ws.constraint));
+            let measured = constraint::Measured { qpos: &state.qpos, qvel: &state.qvel, tendons: &ws.tendons };
+            let masks = constraint::dof_lanes(*model, measured, alive, &mut ws.constraint);
+            masks.into_iter().for_each(put);
         };
     /// [`constraint::measure`]: numbers of the rows of a contact one side of which stands still.
     Measure: "rows", Constraint, Family::Law, 0 => 0, shared [Quantity::Law],
@@ -287,11 +290,11 @@ parts! {
         |_, step, item, _| row(step, item, |problem, row, work| solver::couple_row(problem, row, work));
     /// The step of an integrator that evaluates once, and [`integration::commit`]: worlds that take the next state.
     Integrate: "integration", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
-        changes ["state.qpos", "state.qvel", "state.qacc_warmstart", "state.time", "integration.qpos", "integration.qvel",
-            "integration.qacc"],
+        changes ["state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time", "integration.qpos",
+            "integration.qvel", "integration.act", "integration.qacc"],
         |_, step, _, (alive, put)| {
             let Step { model, state, ws, .. } = step;
-            let Workspace { position, inertia, acceleration, derivative, solver, integration: next, .. } = &mut **ws;
+            let Workspace { position, inertia, actuation, acceleration, derivative, solver, integration: next, .. } = &mut **ws;
             let solver::Solver { qacc, qfrc_constraint, .. } = &solver.fields;
             let forces = [&acceleration.qfrc_smooth[..], qfrc_constraint];
             if matches!(model.options.integrator, Integrator::Implicit | Integrator::ImplicitFast) {
@@ -299,6 +302,7 @@ parts! {
             } else {
                 integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
             }
+            integration::activations(model, &state.act, &actuation.act_dot, &mut next.act);
             put(integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state));
         };
 }
@@ -320,8 +324,8 @@ fn row<L: Lane>(
 #[inline(always)]
 fn measure<L: Lane>(step: &mut Step<'_, L>, item: &Item) {
     if let Item::Row(row) = item {
-        let Workspace { position, velocity, collision, constraint, .. } = &mut *step.ws;
-        let motion = constraint::Motion { position, velocity, qvel: &step.state.qvel };
+        let Workspace { position, tendons, velocity, collision, constraint, .. } = &mut *step.ws;
+        let motion = constraint::Motion { position, velocity, tendons, qvel: &step.state.qvel };
         let contact = collision::Contact(&collision.found[row.place as usize]);
         constraint::measure(step.model, motion, contact, row, constraint);
     }

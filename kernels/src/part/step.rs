@@ -9,7 +9,8 @@ use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
 use crate::{
-    acceleration, actuation, derivative, energy, inertia, integration, passive, position, sensor, solver, velocity,
+    acceleration, actuation, derivative, energy, inertia, integration, passive, position, sensor, solver, tendon,
+    velocity,
 };
 
 /// A step of a block: the model as its worlds have it, what comes from outside, and the workspace.
@@ -58,10 +59,10 @@ impl<L: Lane> Step<'_, L> {
     /// What the solver solves, where it starts, and what it works with.
     #[inline(always)]
     pub fn solver(&mut self) -> (Problem<'_, L>, &[L], &mut SolverWork<L>) {
-        let Workspace { position, inertia, metric, acceleration, constraint, solver, .. } = &mut *self.ws;
+        let Workspace { position, tendons, inertia, metric, acceleration, constraint, solver, .. } = &mut *self.ws;
         let inertia = metric.as_deref().unwrap_or(inertia);
         let (model, mean_inertia) = (self.model.model, self.model.mean_inertia());
-        let problem = Problem { model, mean_inertia, position, inertia, acceleration, constraint };
+        let problem = Problem { model, mean_inertia, position, tendons, inertia, acceleration, constraint };
         (problem, &self.state.qacc_warmstart, solver)
     }
 
@@ -74,19 +75,8 @@ impl<L: Lane> Step<'_, L> {
     #[inline(always)]
     pub fn lend<'b>(&'b mut self, set: Threes, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
-        let Workspace {
-            position,
-            inertia,
-            velocity,
-            passive,
-            actuation,
-            acceleration,
-            energy,
-            sensors,
-            integration,
-            ..
-        } = ws;
-        let Workspace { derivative, collision, constraint, solver, .. } = ws;
+        let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
+        let Workspace { tendons, derivative, collision, constraint, solver, sensors, .. } = ws;
         let Collision { colliders, found, parallel, .. } = collision;
         let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, equality, .. } = constraint;
         let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
@@ -122,8 +112,9 @@ impl<L: Lane> Step<'_, L> {
         if lender.group(Group::Shared) {
             Quantity::SHARED.into_iter().for_each(|quantity| lender.put(quantity.name(), varied(quantity)));
         }
-        stages!(Position: position; Inertia: inertia; Velocity: velocity; Passive: passive; Actuation: actuation;
-            Acceleration: acceleration; Derivative: derivative; Energy: energy; Sensor: sensors; Integration: integration; Colliders: colliders;);
+        stages!(Position: position; Tendons: tendons; Inertia: inertia; Velocity: velocity; Passive: passive; Actuation: actuation;
+            Acceleration: acceleration; Derivative: derivative; Energy: energy; Sensor: sensors; Integration: integration;
+            Colliders: colliders;);
         group!(Found, "found": found.as_flattened_mut(), "parallel": parallel);
         group!(Constraint,
             "dof_lanes": dof_lanes.as_flattened_mut(),
@@ -233,6 +224,8 @@ groups! {
     Shared: "varied", Quantity::SHARED.len();
     /// Poses.
     Position: "position", position::Position::<f64>::COUNT;
+    /// Tendons.
+    Tendons: "tendon", tendon::Tendons::<f64>::COUNT;
     /// Inertia.
     Inertia: "inertia", inertia::Inertia::<f64>::COUNT;
     /// Motions.

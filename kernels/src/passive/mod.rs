@@ -1,6 +1,9 @@
-//! Passive forces: joint springs, dampers, gravity compensation, and those of a medium.
+//! Passive forces: springs and dampers of joints and tendons, gravity compensation, and those of a medium.
 
 pub mod fluid;
+mod tendons;
+
+pub use tendons::{tendon_damper_slope, tendon_spring_energy, tendon_spring_slope};
 
 use crate::fields::fields;
 use crate::lane::Lane;
@@ -10,6 +13,7 @@ use crate::math::tree;
 use crate::math::vec3::{build, cross, mul_add, norm, scale};
 use crate::model::{Instance, Joint, JointKind};
 use crate::position::Position;
+use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
 fields! {
@@ -22,10 +26,19 @@ fields! {
     } L
 }
 
+/// The stages that they are found from.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)] // each field is the stage of the same name
+pub struct Stages<'a, L> {
+    pub position: &'a Position<L>,
+    pub tendons: &'a Tendons<L>,
+    pub velocity: &'a Velocity<L>,
+}
+
 /// Sum of spring, damper, gravity compensation and fluid forces.
 pub fn passive<L: Lane>(
     model: Instance<'_, L>,
-    (position, velocity): (&Position<L>, &Velocity<L>),
+    Stages { position, tendons, velocity }: Stages<'_, L>,
     qpos: &[L],
     qvel: &[L],
     passive: &mut Passive<L>,
@@ -41,6 +54,7 @@ pub fn passive<L: Lane>(
             passive.qfrc_passive[i] -= damper(model, i, qvel[i]);
         }
     }
+    tendons::add(&model, tendons, &mut passive.qfrc_passive);
     fluid::add(model, position, velocity, &mut passive.qfrc_passive);
     if model.features.gravcomp {
         gravcomp(model, position, &mut passive.qfrc_gravcomp);

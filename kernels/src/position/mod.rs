@@ -11,7 +11,7 @@ use crate::math::quat;
 use crate::math::vec3::{
     Mat3, Vec3, add, column, cross, mul, mul_add, mul_mat, neg, rotate_columns, rotation, scale, splat, sub, zero,
 };
-use crate::model::{AxisKind, Instance, Joint, JointKind, Link, NONE};
+use crate::model::{AxisKind, Instance, Joint, JointKind, Link, Model, NONE};
 
 fields! {
     /// Poses of links and axes of dofs.
@@ -31,6 +31,14 @@ fields! {
         /// Motion of each dof (ω; v) at its tree's origin, world axes.
         pub cdof: Vec<[L; 6]> = sizes.nv,
     } L
+}
+
+impl<L: Lane> Position<L> {
+    /// Origin of the tree of a link, that of the world for [`NONE`].
+    #[inline(always)]
+    pub fn origin_of(&self, model: &Model<L::Real>, link: u32) -> Vec3<L> {
+        if link == NONE { zero() } else { self.origin[model.links[link as usize].tree as usize] }
+    }
 }
 
 /// Poses of all links from positions `qpos` (quaternions of any positive length).
@@ -72,6 +80,12 @@ pub fn kinematics<L: Lane>(model: Instance<'_, L>, qpos: &[L], position: &mut Po
             dof_axes(&model.joints[j], j, &rot, position);
         }
     }
+}
+
+/// Origin of the tree of a link; zero for [`NONE`].
+#[inline(always)]
+pub fn origin<L: Lane>(model: &Model<L::Real>, position: &Position<L>, link: u32) -> Vec3<L> {
+    if link == NONE { zero() } else { position.origin[model.links[link as usize].tree as usize] }
 }
 
 /// A link's frame before its joints act.

@@ -6,7 +6,7 @@ use super::subtree::Body;
 use super::{Seen, ray, rows};
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::{Vec3, add, cross, mul_t, neg, row, scale, select, splat, sub, zero};
-use crate::model::{Instance, Sensor, SensorKind};
+use crate::model::{Instance, Sensor};
 use crate::state::Applied;
 
 /// Torque and force at a point.
@@ -93,11 +93,11 @@ pub(super) fn touch<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, s
     sum
 }
 
-/// Of a joint's limit, how far it is exceeded, how fast, or its force; 0 in worlds where it does not act.
+/// Of a limit, how far it is exceeded, how fast, or its force; 0 in worlds where it does not act.
 pub(super) fn limit<L: Lane>(sensor: &Sensor<L::Real>, qvel: &[L], seen: &Seen<'_, L>) -> L {
     let (mut found, mut value) = (L::Mask::splat(false), L::zero());
     rows::limits(sensor.id, qvel, seen, |acts, numbers| {
-        let number = numbers[sensor.kind as usize - SensorKind::JointLimitPos as usize];
+        let number = sensor.kind.of_limit().map_or(L::zero(), |number| numbers[number]);
         value = L::select(acts & !found, number, value);
         found = found | acts;
     });

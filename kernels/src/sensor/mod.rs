@@ -24,6 +24,7 @@ use crate::model::{Bound, Instance, NONE, Sensor, SensorKind};
 use crate::position::{Position, orientation};
 use crate::solver::SolverWork;
 use crate::state::{Applied, State};
+use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 use frame::Frame;
 
@@ -48,6 +49,7 @@ const MOST: usize = 4;
 #[allow(missing_docs)] // each field is the stage of the same name
 pub struct Stages<'a, L: Lane> {
     pub position: &'a Position<L>,
+    pub tendons: &'a Tendons<L>,
     pub inertia: &'a Inertia<L>,
     pub velocity: &'a Velocity<L>,
     pub actuation: &'a Actuation<L>,
@@ -79,9 +81,9 @@ pub fn measure<L: Lane>(
     energy: &mut Energy<L>,
     sensors: &mut Sensors<L>,
 ) {
-    let Stages { position, inertia, velocity, solver, .. } = stages;
+    let Stages { position, tendons, inertia, velocity, solver, .. } = stages;
     if model.sensors.iter().any(|sensor| sensor.kind.of_energy()) {
-        energy::energy(model, position, inertia, &state.qpos, &state.qvel, energy);
+        energy::energy(model, energy::Stages { position, tendons, inertia }, &state.qpos, &state.qvel, energy);
     }
     let Sensors { data, cacc, quat } = sensors;
     accelerate(model, &velocity.cacc, (&position.cdof, &solver.fields.qacc), cacc);
@@ -150,7 +152,7 @@ fn accelerate<L: Lane>(model: Instance<'_, L>, bias: &[[L; 6]], (axes, qacc): (&
 #[inline(always)]
 fn value<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, state: &State<L>, seen: &Seen<'_, L>) -> [L; MOST] {
     use SensorKind as Kind;
-    let Seen { stages: Stages { position, actuation, .. }, energy, .. } = seen;
+    let Seen { stages: Stages { position, tendons, actuation, .. }, energy, .. } = seen;
     let id = sensor.id as usize;
     let one = |x: L| [x, L::zero(), L::zero(), L::zero()];
     let three = |[x, y, z]: Vec3<L>| [x, y, z, L::zero()];
@@ -159,6 +161,13 @@ fn value<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, state: &Stat
     match sensor.kind {
         Kind::JointPos => one(state.qpos[id]),
         Kind::JointVel => one(state.qvel[id]),
+        Kind::TendonPos => one(tendons.length[id]),
+        Kind::TendonVel => one(tendons.velocity[id]),
+        Kind::TendonActuatorFrc => {
+            let pulling =
+                model.actuators.iter().zip(&actuation.force).filter(|(actuator, _)| actuator.tendon == sensor.id);
+            one(pulling.fold(L::zero(), |sum, (_, force)| sum + *force))
+        }
         Kind::ActuatorPos => one(actuation.length[id]),
         Kind::ActuatorVel => one(actuation.velocity[id]),
         Kind::ActuatorFrc => one(actuation.force[id]),
@@ -213,8 +222,10 @@ fn value<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, state: &Stat
         Kind::FrameAngAcc => three(frame().acceleration(model, seen)[0]),
         // Nobody computes them.
         Kind::User => zero(),
+        // Those of rows are found apart.
         Kind::Touch | Kind::Force | Kind::Torque => zero(),
         Kind::JointLimitPos | Kind::JointLimitVel | Kind::JointLimitFrc => zero(),
+        Kind::TendonLimitPos | Kind::TendonLimitVel | Kind::TendonLimitFrc => zero(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Seen;
 use super::frame::Frame;
-use crate::collision::{Contact, origin, reference};
+use crate::collision::{Contact, reference};
 use crate::constraint::{Cone, ContactRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::quat;
@@ -35,7 +35,7 @@ pub(super) fn contacts<'a, L: Lane>(model: Instance<'a, L>, seen: &Seen<'a, L>, 
         f(Touching {
             bodies: [pair.geom1, pair.geom2].map(|geom| model.geoms[geom as usize].body),
             acts: seen.constraint.law(row).d().gt(L::zero()),
-            origin: origin(&model, &seen.position, reference(pair)),
+            origin: seen.position.origin_of(&model, reference(pair)),
             pos: contact.pos(),
             frame: contact.frame(),
             wrench: wrench(seen, row, first),
@@ -100,12 +100,13 @@ pub(super) fn limits<L: Lane>(limit: u32, qvel: &[L], seen: &Seen<'_, L>, mut f:
     let constraint = &seen.constraint;
     for (law, force) in constraint.dof_laws().zip(&seen.solver.force.dof) {
         let (row, dof) = (law.row, law.row.dof as usize);
+        let rate = || if row.tendon == NONE { qvel[dof] } else { seen.tendons.velocity[row.tendon as usize] };
         let speed = match row.kind {
             DofRowKind::Friction => continue,
             _ if row.id != limit => continue,
-            DofRowKind::Limit => law.sign() * qvel[dof],
-            DofRowKind::Lower => qvel[dof],
-            DofRowKind::Upper => -qvel[dof],
+            DofRowKind::Limit => law.sign() * rate(),
+            DofRowKind::Lower => rate(),
+            DofRowKind::Upper => -rate(),
             DofRowKind::Ball => -dot(&law.axis(), &[qvel[dof], qvel[dof + 1], qvel[dof + 2]]),
         };
         f(law.d().gt(L::zero()), [law.pos(), speed, *force]);

@@ -1,13 +1,14 @@
 //! The dual problem, minimise over forces: A = J M⁻¹ Jᵀ through whitened rows b = D^-½ L⁻ᵀ jᵀ, so that A = b·b and a sweep
 //! over the rows is matrix-free: z = Σ b f holds what all forces do.
 
-use super::{Problem, RowVector, SolverWork, contact, rows};
+use super::{Problem, RowVector, SolverWork, contact, joints, rows};
 use crate::constraint::{Constraint, ContactRow, DofRowKind};
 use crate::lane::Lane;
 use crate::math::ldl;
 use crate::math::spatial::dot6;
 use crate::model::{Model, NONE, Sides};
 use crate::options;
+use crate::tendon;
 
 /// Whether the model's options need the dual problem.
 pub fn needed<T>(model: &Model<T>) -> bool {
@@ -147,7 +148,7 @@ pub fn prepare<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
 
 /// Dense Jacobian rows.
 fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
-    let Problem { model, position, constraint, .. } = problem;
+    let Problem { model, position, tendons, constraint, .. } = *problem;
     let Constraint { dof_rows, contact_rows, motion, .. } = constraint;
     let Dual { b, nv, .. } = dual;
     b.clear();
@@ -163,6 +164,12 @@ fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
     let (one, at) = (L::one(), |row: usize, dof: usize| (ne + row) * *nv + dof);
     for (r, law) in constraint.dof_laws().enumerate() {
         let dof = law.row.dof as usize;
+        if law.row.tendon != NONE {
+            for (dof, j) in tendon::columns(model, law.row.tendon as usize, &tendons.jacobian) {
+                b[at(r, dof)] = joints::signed(&law, j);
+            }
+            continue;
+        }
         match law.row.kind {
             DofRowKind::Friction | DofRowKind::Lower => b[at(r, dof)] = one,
             DofRowKind::Upper => b[at(r, dof)] = -one,

@@ -1,5 +1,5 @@
 //! Pattern of the Hessian when rows join branches: entries of the inertia matrix, entries between the dofs of each joining
-//! contact and of all joining equality constraints, and what elimination fills in.
+//! contact, of all joining equality constraints and of all tendons with joining rows, and what elimination fills in.
 
 use std::ops::Range;
 
@@ -47,7 +47,7 @@ impl Fill {
         8 * (bits + runs) + 4 * model.sizes.nm + 40 * model.sizes.nv
     }
 
-    /// Finds the pattern for contacts of the given pairs of links, and the model's equality constraints.
+    /// Finds the pattern for contacts of the given pairs of links, and the model's equality constraints and tendons.
     pub fn find<T>(&mut self, model: &Model<T>, pairs: impl Iterator<Item = u32>) {
         self.bits.fill(0);
         for i in 0..model.sizes.nv {
@@ -65,6 +65,11 @@ impl Fill {
         }
         for equality in model.equalities.iter().filter(|equality| equality.cross) {
             let dofs = &model.equality_dofs[equality.dofs.range()];
+            for (n, i) in dofs.iter().enumerate() {
+                dofs[..n].iter().for_each(|j| self.set(i.dof as usize, j.dof as usize));
+            }
+        }
+        for dofs in model.tendon_joins() {
             for (n, i) in dofs.iter().enumerate() {
                 dofs[..n].iter().for_each(|j| self.set(i.dof as usize, j.dof as usize));
             }
@@ -132,9 +137,10 @@ impl Fill {
     }
 }
 
-/// Whether some contact or equality constraint joins branches.
+/// Whether some contact, equality constraint or row along a tendon joins branches.
 pub(super) fn joins<T>(model: &Model<T>) -> bool {
-    model.pairs.iter().any(|pair| pair.cross) || model.equalities.iter().any(|equality| equality.cross)
+    let equalities = || model.equalities.iter().any(|equality| equality.cross);
+    model.pairs.iter().any(|pair| pair.cross) || equalities() || model.tendon_joins().next().is_some()
 }
 
 /// Words of bits, and most runs. A row of n columns below the diagonal has at most (n + 1)/2 runs.

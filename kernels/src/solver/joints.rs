@@ -1,21 +1,27 @@
-//! Rows on joints: dry friction and limits.
+//! Rows on joints and along tendons: dry friction and limits.
 
 use super::Problem;
 use super::edges::{add_slope, stays};
-use crate::constraint::{Constraint, DofLaw, DofRowKind};
+use crate::constraint::{DofLaw, DofRowKind};
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::dot;
-use crate::model::Model;
+use crate::model::{Model, NONE};
+use crate::tendon;
 
 /// out = J x.
 #[inline(always)]
-pub fn rates<L: Lane>(constraint: &Constraint<L>, x: &[L], out: &mut [L]) {
+pub fn rates<L: Lane>(problem: &Problem<'_, L>, x: &[L], out: &mut [L]) {
+    let Problem { model, tendons, constraint, .. } = *problem;
     for (law, y) in constraint.dof_laws().zip(out) {
+        let rate = match law.row.tendon {
+            NONE => x[law.row.dof as usize],
+            tendon => tendon::rate(model, tendon as usize, &tendons.jacobian, x),
+        };
         let x = &x[law.row.dof as usize..];
         *y = match law.row.kind {
-            DofRowKind::Friction | DofRowKind::Lower => x[0],
-            DofRowKind::Upper => -x[0],
-            DofRowKind::Limit => law.sign() * x[0],
+            DofRowKind::Friction | DofRowKind::Lower => rate,
+            DofRowKind::Upper => -rate,
+            DofRowKind::Limit => law.sign() * rate,
             DofRowKind::Ball => -dot(&law.axis(), &[x[0], x[1], x[2]]),
         };
     }
@@ -24,7 +30,7 @@ pub fn rates<L: Lane>(constraint: &Constraint<L>, x: &[L], out: &mut [L]) {
 /// y = J x - a_ref; returns twice the cost there.
 #[inline(always)]
 pub fn survey<L: Lane>(problem: &Problem<'_, L>, x: &[L], y: &mut [L]) -> L {
-    rates(problem.constraint, x, y);
+    rates(problem, x, y);
     for (law, y) in problem.constraint.dof_laws().zip(y.iter_mut()) {
         *y += law.reference();
     }
@@ -72,10 +78,26 @@ pub fn twice_cost<L: Lane>(problem: &Problem<'_, L>, y: &[L]) -> L {
     twice
 }
 
+/// A number of a row that is not a ball joint's, times the row's sign.
+#[inline(always)]
+pub fn signed<L: Lane>(law: &DofLaw<'_, L>, x: L) -> L {
+    match law.row.kind {
+        DofRowKind::Upper => -x,
+        DofRowKind::Limit => law.sign() * x,
+        _ => x,
+    }
+}
+
 /// Adds Jᵀf.
 #[inline(always)]
-pub fn pull<L: Lane>(constraint: &Constraint<L>, force: &[L], qfrc_constraint: &mut [L]) {
+pub fn pull<L: Lane>(problem: &Problem<'_, L>, force: &[L], qfrc_constraint: &mut [L]) {
+    let Problem { model, tendons, constraint, .. } = *problem;
     for (law, force) in constraint.dof_laws().zip(force) {
+        if law.row.tendon != NONE {
+            let force = signed(&law, *force);
+            tendon::pull(model, law.row.tendon as usize, &tendons.jacobian, force, qfrc_constraint);
+            continue;
+        }
         let out = &mut qfrc_constraint[law.row.dof as usize..];
         match law.row.kind {
             DofRowKind::Friction | DofRowKind::Lower => out[0] += *force,
@@ -93,11 +115,20 @@ pub fn pull<L: Lane>(constraint: &Constraint<L>, force: &[L], qfrc_constraint: &
 /// Adds the rows' stiffness at y to the Hessian.
 #[inline(always)]
 pub fn stiffen<L: Lane>(problem: &Problem<'_, L>, y: &[L], hessian: &mut [L]) {
-    let rows = &problem.model.rows;
+    let Problem { model, tendons, .. } = *problem;
+    let rows = &model.rows;
     for (law, y) in problem.constraint.dof_laws().zip(y) {
-        let (_, k) = force(problem.model, &law, *y);
+        let (_, k) = force(model, &law, *y);
         let dof = law.row.dof as usize;
-        if law.row.kind == DofRowKind::Ball {
+        if law.row.tendon != NONE {
+            let columns = tendon::columns(model, law.row.tendon as usize, &tendons.jacobian);
+            for (n, (i, row)) in columns.clone().enumerate() {
+                for (j, column) in columns.clone().take(n + 1) {
+                    let entry = &mut hessian[rows.at(i, j)];
+                    *entry = (k * row).mul_add(column, *entry);
+                }
+            }
+        } else if law.row.kind == DofRowKind::Ball {
             let axis = law.axis();
             for i in 0..3 {
                 for j in 0..=i {

@@ -45,6 +45,7 @@ use crate::model::{Capacity, Model, NONE, Pattern, Sides};
 use crate::options;
 use crate::position::Position;
 use crate::stage::Stage;
+use crate::tendon::Tendons;
 
 fields! {
     /// Vectors and matrices of the solver.
@@ -96,6 +97,8 @@ pub struct Problem<'a, L: Lane> {
     pub mean_inertia: L,
     /// Poses and dof axes.
     pub position: &'a Position<L>,
+    /// Tendons.
+    pub tendons: &'a Tendons<L>,
     /// Inertia matrix.
     pub inertia: &'a Inertia<L>,
     /// Smooth force and acceleration.

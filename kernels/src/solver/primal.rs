@@ -11,7 +11,7 @@ use crate::math::{ldl, tree};
 /// From the search direction p: M p, slopes and curvature along it, the motion of every link, J p of rows on joints, and the
 /// start of the line search.
 pub fn motion<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { model, position, inertia, acceleration, constraint, .. } = problem;
+    let Problem { model, position, inertia, acceleration, .. } = problem;
     let Solver { search, msearch, twist, ma, gradient, .. } = &mut work.fields;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
     let (mut slope, mut curvature, mut descent) = (L::zero(), L::zero(), L::zero());
@@ -24,7 +24,7 @@ pub fn motion<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     work.line.set_curvature(curvature);
     work.line.set_descent(descent);
     tree::twists(model, &position.cdof, search, twist);
-    joints::rates(constraint, search, &mut work.jp.dof);
+    joints::rates(problem, search, &mut work.jp.dof);
     work.line.begin();
     equality::approach(problem, work);
 }

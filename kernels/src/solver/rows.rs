@@ -13,7 +13,7 @@ pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], o
     if !constraint.contact_rows.is_empty() {
         tree::twists(problem.model, &problem.position.cdof, x, twist);
     }
-    joints::rates(constraint, x, &mut out.dof);
+    joints::rates(problem, x, &mut out.dof);
     equality::rates(problem, x, &mut out.equality);
     for row in &constraint.contact_rows {
         let (w, y) = (&constraint.motion[row.components()], &mut out.component[row.components()]);
@@ -64,7 +64,7 @@ pub fn gather<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut Solve
         multipliers
     };
     equality::pull(problem, &force.equality, pull);
-    joints::pull(problem.constraint, &force.dof, pull);
+    joints::pull(problem, &force.dof, pull);
     climb(problem, touched, wrench, pull);
     let (step, curvature, mut sizes) = (line.step(), line.curvature(), [L::zero(); 4]);
     for i in 0..gradient.len() {
@@ -129,7 +129,7 @@ pub fn transpose<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
     for row in constraint.apart() {
         contact::pull_apart(problem, row, &force.component[row.components()], qfrc_constraint);
     }
-    joints::pull(constraint, &force.dof, qfrc_constraint);
+    joints::pull(problem, &force.dof, qfrc_constraint);
     for row in constraint.contact_rows.iter().filter(|row| row.sides != Sides::Apart) {
         let range = row.components();
         let (w, force) = (&constraint.motion[range.clone()], &force.component[range]);

@@ -1,6 +1,8 @@
 //! Velocities of links and the bias force (Coriolis, centrifugal, gravity) by the recursive Newton-Euler algorithm
 //! (Featherstone 2008, §5.3).
 
+mod tendons;
+
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::Lane;
@@ -8,6 +10,7 @@ use crate::math::spatial::{Spatial, cross_force, cross_motion, dot6, inertia_mul
 use crate::math::vec3::{add, scale_add, zero};
 use crate::model::{DofKind, Instance, Link, Model, NONE};
 use crate::position::Position;
+use crate::tendon::Tendons;
 
 fields! {
     /// Velocities and the bias force.
@@ -26,8 +29,7 @@ fields! {
 /// Link velocities, and the bias force from velocities `qvel`.
 pub fn rne<L: Lane>(
     model: Instance<'_, L>,
-    position: &Position<L>,
-    inertia: &Inertia<L>,
+    (position, tendons, inertia): (&Position<L>, &Tendons<L>, &Inertia<L>),
     qvel: &[L],
     velocity: &mut Velocity<L>,
 ) {
@@ -54,6 +56,7 @@ pub fn rne<L: Lane>(
             *parent = add(parent, &force);
         }
     }
+    tendons::resist(&model, position, tendons, &model.gravity(), velocity);
 }
 
 /// Adds a link's joint motions to velocity `v` and, through the rates of their axes, to acceleration `a`. The rate of an

@@ -17,6 +17,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
     let sites = Known::new("site", sites.map(|site| (site.name.as_str(), None)));
     let joints = spec.bodies.iter().flat_map(|body| &body.joints);
     let joints = Known::new("joint", joints.map(|joint| (joint.name.as_str(), Some(joint.kind))));
+    let tendons = Known::new("tendon", spec.tendons.iter().map(|tendon| (tendon.name.as_str(), None)));
     for (i, equality) in spec.equalities.iter().enumerate() {
         let mut element = Element::new(name_of(equality, i), &equality.source, diagnostics);
         element.solref("solref", &equality.solref);
@@ -40,6 +41,10 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
                 element.finite("torquescale", &[*torquescale]);
                 sites.check(names, None, &mut element);
             }
+            Held::Tendons { tendons: names, polycoef } => {
+                element.finite("polycoef", polycoef);
+                tendons.check(names, Some(""), &mut element);
+            }
             Held::Joints { joints: names, polycoef } => {
                 element.finite("polycoef", polycoef);
                 joints.check(names, Some(""), &mut element);
@@ -61,6 +66,7 @@ pub(super) fn name_of(equality: &Equality, index: usize) -> String {
         Held::Points { .. } | Held::Sites(_) => "connect",
         Held::Frames { .. } | Held::SiteFrames { .. } => "weld",
         Held::Joints { .. } => "equality joint",
+        Held::Tendons { .. } => "equality tendon",
     };
     label(kind, &equality.name, index)
 }
@@ -99,12 +105,16 @@ impl<'a> Known<'a> {
     }
 }
 
-/// Refuses joints each of which, active from the start, is to follow from the next and in the end from itself.
+/// Refuses joints, or tendons, each of which, active from the start, is to follow from the next and in the end from itself.
 fn check_cycles(spec: &Spec, diagnostics: &mut Diagnostics) {
-    // What each joint follows from, as the first constraint says that does.
-    let mut follows: HashMap<&str, &str> = HashMap::new();
+    // What each follows from, as the first constraint says that does.
+    let mut all: [HashMap<&str, &str>; 2] = Default::default();
     for (i, equality) in spec.equalities.iter().enumerate().filter(|(_, equality)| equality.active) {
-        let Held::Joints { joints: [y, x], .. } = &equality.held else { continue };
+        let (what, [y, x], follows) = match &equality.held {
+            Held::Joints { joints, .. } => ("joints", joints, &mut all[0]),
+            Held::Tendons { tendons, .. } => ("tendons", tendons, &mut all[1]),
+            _ => continue,
+        };
         if x.is_empty() || x == y {
             continue;
         }
@@ -116,7 +126,7 @@ fn check_cycles(spec: &Spec, diagnostics: &mut Diagnostics) {
         }
         if at == y.as_str() {
             let names: Vec<String> = path.iter().map(|name| quoted(name)).collect();
-            let message = format!("joints follow from each other in a circle: {}", names.join(", "));
+            let message = format!("{what} follow from each other in a circle: {}", names.join(", "));
             let mut element = Element::new(name_of(equality, i), &equality.source, diagnostics);
             element.refuse(message, "remove one of the constraints: the others say the same of it");
             continue;

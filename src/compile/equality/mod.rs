@@ -3,6 +3,8 @@
 mod check;
 mod redundant;
 
+use std::collections::BTreeMap;
+
 use lanesim_kernels::model::{Dof, DofKind, Equality, EqualityDof, EqualityKind, NONE, Span};
 
 use super::constraints::{Bound, impedance};
@@ -10,6 +12,7 @@ use super::derived::Derived;
 use super::links::Links;
 use super::order::Scene;
 use super::pose::{Pose, unit_quat, wxyz};
+use super::tendons::Tendons;
 use crate::model::{ElementNames, Names};
 use crate::spec::{self, Held, Spec};
 pub(super) use check::check;
@@ -49,8 +52,8 @@ struct Sides {
     poses: [Pose; 2],
 }
 
-/// MuJoCo's numbers for types of objects; of joints it says nothing.
-const JOINT: i32 = 0;
+/// MuJoCo's numbers for types of objects; of joints and tendons it says nothing.
+const NO_TYPE: i32 = 0;
 const BODY: i32 = 1;
 const SITE: i32 = 6;
 
@@ -62,6 +65,7 @@ impl Equalities {
         links: &Links,
         dofs: &[Dof<f64>],
         derived: &Derived,
+        tendons: &Tendons,
         names: &ElementNames,
     ) -> Result<Equalities, usize> {
         let mut out = Equalities::default();
@@ -70,7 +74,7 @@ impl Equalities {
         for (id, equality) in spec.equalities.iter().enumerate() {
             let objects = objects(equality, &world, names);
             if flags.equality && flags.constraint {
-                out.add(id, equality, &objects, (spec, scene, links, dofs, derived));
+                out.add(id, equality, &objects, tendons, (spec, scene, links, dofs, derived));
             }
             out.held.push(objects);
             if out.nej > MOST_ENTRIES {
@@ -86,6 +90,7 @@ impl Equalities {
         id: usize,
         equality: &spec::Equality,
         objects: &Objects,
+        tendons: &Tendons,
         (spec, scene, links, dofs, derived): (&Spec, &Scene, &Links, &[Dof<f64>], &Derived),
     ) {
         let mut entry = Equality {
@@ -94,6 +99,7 @@ impl Equalities {
             links: [NONE; 2],
             bodies: [0; 2],
             qpos: [NONE; 2],
+            tendons: [NONE; 2],
             dofs: Span::default(),
             cross: false,
             row: self.ne as u32,
@@ -104,7 +110,7 @@ impl Equalities {
             polynomial: [0.0; 5],
             reference: [0.0; 2],
             impedance: impedance(&spec.option, Bound::Other, equality.solref, equality.solimp),
-            invweight: weights(objects, scene, derived),
+            invweight: weights(objects, scene, derived, &tendons.invweight0),
         };
         let moved: Vec<EqualityDof>;
         if let EqualityKind::Joint = objects.kind {
@@ -122,6 +128,17 @@ impl Equalities {
             let mut list: Vec<EqualityDof> = [side(0), side(1)].into_iter().flatten().collect();
             list.sort_by_key(|entry| entry.dof);
             moved = list;
+        } else if let EqualityKind::Tendon = objects.kind {
+            let mut union: BTreeMap<u32, [bool; 2]> = BTreeMap::new();
+            for (side, id) in objects.ids.iter().enumerate().filter(|(_, id)| **id >= 0) {
+                entry.tendons[side] = *id as u32;
+                entry.reference[side] = tendons.length0[*id as usize];
+                for own in tendons.dofs_of(*id as usize) {
+                    union.entry(own.dof).or_default()[side] = true;
+                }
+            }
+            entry.polynomial.copy_from_slice(&objects.data[..5]);
+            moved = union.into_iter().map(|(dof, moves)| EqualityDof { dof, moves }).collect();
         } else {
             let Sides { links: sides, poses } = sides(objects, scene, links);
             entry.links = sides;
@@ -138,7 +155,7 @@ impl Equalities {
             return;
         }
         entry.dofs = Span { start: self.dofs.len() as u32, len: moved.len() as u32 };
-        entry.cross = joins(dofs, &moved);
+        entry.cross = joins(dofs, &moved.iter().map(|entry| entry.dof).collect::<Vec<_>>());
         self.ne += entry.dim();
         self.nej += entry.dim() * moved.len();
         self.dofs.extend(moved);
@@ -146,9 +163,15 @@ impl Equalities {
     }
 
     /// Gives the tables the inverse weights that follow from other masses.
-    pub fn reweigh(table: &mut [Equality<f64>], held: &[Objects], scene: &Scene, derived: &Derived) {
+    pub fn reweigh(
+        table: &mut [Equality<f64>],
+        held: &[Objects],
+        scene: &Scene,
+        derived: &Derived,
+        tendon_invweight0: &[f64],
+    ) {
         for entry in table {
-            entry.invweight = weights(&held[entry.id as usize], scene, derived);
+            entry.invweight = weights(&held[entry.id as usize], scene, derived, tendon_invweight0);
         }
     }
 }
@@ -214,7 +237,11 @@ fn objects(equality: &spec::Equality, world: &[Pose], names: &ElementNames) -> O
         }
         Held::Joints { joints, polycoef } => {
             data[..5].copy_from_slice(polycoef);
-            (EqualityKind::Joint, JOINT, pair(&names.joints, joints, -1))
+            (EqualityKind::Joint, NO_TYPE, pair(&names.joints, joints, -1))
+        }
+        Held::Tendons { tendons, polycoef } => {
+            data[..5].copy_from_slice(polycoef);
+            (EqualityKind::Tendon, NO_TYPE, pair(&names.tendons, tendons, -1))
         }
     };
     Objects { kind, objtype, ids, data }
@@ -245,10 +272,11 @@ fn sides(objects: &Objects, scene: &Scene, links: &Links) -> Sides {
 }
 
 /// Â of rows of position and of orientation: the inverse weights of both objects together.
-fn weights(objects: &Objects, scene: &Scene, derived: &Derived) -> [f64; 2] {
+fn weights(objects: &Objects, scene: &Scene, derived: &Derived, tendon_invweight0: &[f64]) -> [f64; 2] {
     let weight = |id: i32| match usize::try_from(id) {
         Err(_) => [0.0; 2],
-        Ok(joint) if objects.objtype == JOINT => [derived.dof_invweight0[scene.joints[joint].dof], 0.0],
+        Ok(tendon) if objects.kind == EqualityKind::Tendon => [tendon_invweight0[tendon], 0.0],
+        Ok(joint) if objects.objtype == NO_TYPE => [derived.dof_invweight0[scene.joints[joint].dof], 0.0],
         Ok(site) if objects.objtype == SITE => derived.body_invweight0[scene.sites[site].body],
         Ok(body) => derived.body_invweight0[body],
     };
@@ -258,7 +286,7 @@ fn weights(objects: &Objects, scene: &Scene, derived: &Derived) -> [f64; 2] {
 
 /// The dofs that move one of two links against the other, ascending. Rotations that move both do, about a point between those
 /// that are held together; translations do not.
-fn between(dofs: &[Dof<f64>], links: &Links, sides: [u32; 2]) -> Vec<EqualityDof> {
+pub(super) fn between(dofs: &[Dof<f64>], links: &Links, sides: [u32; 2]) -> Vec<EqualityDof> {
     let last = |link: u32| if link == NONE { NONE } else { links.links[link as usize].dofs.range().end as u32 - 1 };
     let mut at = sides.map(last);
     let mut out = Vec::new();
@@ -277,8 +305,8 @@ fn between(dofs: &[Dof<f64>], links: &Links, sides: [u32; 2]) -> Vec<EqualityDof
     out
 }
 
-/// Whether some of these dofs lie on different branches.
-fn joins(dofs: &[Dof<f64>], moved: &[EqualityDof]) -> bool {
+/// Whether some of these dofs, which ascend, lie on different branches.
+pub(super) fn joins(dofs: &[Dof<f64>], moved: &[u32]) -> bool {
     let above = |low: u32, high: u32| {
         let mut at = high;
         while at != NONE && at > low {
@@ -287,5 +315,5 @@ fn joins(dofs: &[Dof<f64>], moved: &[EqualityDof]) -> bool {
         at == low
     };
     // Ascending, so that of a chain each is above the next.
-    moved.windows(2).any(|two| !above(two[0].dof, two[1].dof))
+    moved.windows(2).any(|two| !above(two[0], two[1]))
 }

@@ -3,6 +3,7 @@
 use lanesim_kernels::constraint::{Constraint, Motion, equality_rows};
 use lanesim_kernels::model::{Instance, Model};
 use lanesim_kernels::position::{self, Position};
+use lanesim_kernels::tendon::{self, Tendons};
 use lanesim_kernels::velocity::Velocity;
 
 use super::check::name_of;
@@ -23,7 +24,9 @@ pub(crate) fn notes(spec: &Spec, tables: &Model<f64>) -> Vec<String> {
     let (mut position, velocity) = (Position::<f64>::new(sizes), Velocity::<f64>::new(sizes));
     position::kinematics(Instance::from(tables), &tables.qpos0, &mut position);
     let qvel = vec![0.0; sizes.nv];
-    let motion = Motion { position: &position, velocity: &velocity, qvel: &qvel };
+    let mut lengths = Tendons::<f64>::new(sizes);
+    tendon::tendons(tables, &position, &tables.qpos0, &qvel, &mut lengths);
+    let motion = Motion { position: &position, velocity: &velocity, tendons: &lengths, qvel: &qvel };
     let mut rows = Constraint::<f64>::new(tables).equality;
     let read = (&tables.qpos0[..], &tables.eq_active0[..]);
     equality_rows(Instance::from(tables), motion, read, true, &mut rows);

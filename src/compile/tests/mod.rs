@@ -2,6 +2,7 @@
 
 mod ranges;
 mod refused;
+mod tendons;
 
 use lanesim_kernels::constraint::DofRowKind;
 use lanesim_kernels::model::{AxisKind, NONE, Shape as KernelShape, Span};
@@ -200,9 +201,9 @@ fn damping_ratio_and_inherited_range() {
     spec.add_body(1, Body { joints: vec![y("k", 0.0)], geoms: vec![brick()], ..body(0, [1.0, 0.0, 0.0]) });
     let servo = |joint: &str| Actuator {
         transmission: Transmission::Joint(joint.into()),
-        gainprm: [10.0, 0.0, 0.0],
+        gainprm: [10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         bias: Bias::Affine,
-        biasprm: [0.0, -10.0, 0.0],
+        biasprm: [0.0, -10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         dampratio: 1.0,
         ..Actuator::default()
     };

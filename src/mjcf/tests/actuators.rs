@@ -1,13 +1,14 @@
 //! Actuators and their shortcuts.
 
 use super::{ok, rejects, with_joint};
-use crate::spec::{Bias, Gain, Transmission, Tri};
+use crate::spec::{Actuator, Bias, Dynamics, Gain, Transmission, Tri};
 
 /// Gain, bias, damping ratio and control range of an actuator with some defaults.
 fn servo(defaults: &str, actuator: &str) -> ([f64; 3], [f64; 3], f64, Option<[f64; 2]>) {
     let text = with_joint(&format!("<default>{defaults}</default><actuator>{actuator}</actuator>"));
     let a = ok(&text).actuators[0].clone();
-    (a.gainprm, a.biasprm, a.dampratio, a.ctrlrange)
+    let first = |prm: [f64; 10]| [prm[0], prm[1], prm[2]];
+    (first(a.gainprm), first(a.biasprm), a.dampratio, a.ctrlrange)
 }
 
 #[test]
@@ -63,16 +64,28 @@ fn bad_actuators() {
         "<position joint='j' ctrlrange='0 1' inheritrange='1'/>",
         "1: position: both ctrlrange and inheritrange are given (keep one)",
     );
-    check("<motor/>", "1: motor: nothing to act on (give joint or jointinparent)");
+    check("<motor/>", "1: motor: nothing to act on (give joint, jointinparent, tendon, site or cranksite)");
     check("<damper joint='j'/>", "1: damper: a damper needs a ctrlrange");
     check("<damper joint='j' ctrlrange='-1 1'/>", "1: damper: the ctrlrange of a damper must not be negative");
     let missing = |what: &str| format!("{what} not supported (a lenient load leaves it out)");
-    check("<motor name='a' tendon='t'/>", &missing("1: motor \"a\": transmission through a tendon is"));
-    check("<muscle joint='j'/>", &missing("1: muscle: actuators of kind muscle are"));
+    check("<general name='a' body='b'/>", &missing("1: general \"a\": transmission through a body is"));
     check(
-        "<position joint='j' timeconst='1'/>",
-        &missing("1: position: attribute \"timeconst\": an activation state is"),
+        "<motor slidersite='s'/>",
+        "1: motor: nothing to act on (give joint, jointinparent, tendon, site or cranksite)",
     );
+    check(
+        "<motor joint='j' refsite='s'/>",
+        "1: motor: attribute \"refsite\" does not go with joint (remove it, or give site)",
+    );
+    check(
+        "<motor site='s' cranklength='1'/>",
+        "1: motor: attribute \"cranklength\" does not go with site (remove it, or give cranksite)",
+    );
+    check(
+        "<motor cranksite='s'/>",
+        "1: motor: a crank without a slide (give slidersite, along whose z axis the rod's end moves)",
+    );
+    check("<dcmotor joint='j'/>", &missing("1: dcmotor: actuators of kind dcmotor are"));
     check("<motor joint='j' delay='.1'/>", &missing("1: motor: attribute \"delay\": a delay is"));
 }
 
@@ -87,4 +100,44 @@ fn general_actuators() {
     assert_eq!((a.gear, a.ctrlrange), ([2.0, 3.0, 0.0, 0.0, 0.0, 0.0], Some([-90.0, 90.0])));
     assert_eq!((a.forcerange, a.forcelimited), (None, Tri::False));
     assert_eq!((a.damping, a.armature, a.group), ([1.0, 2.0, 0.0], 3.0, 4));
+}
+
+/// Dynamics, their parameters, and those of gain and bias.
+#[test]
+fn activations() {
+    let read = |defaults: &str, actuator: &str| {
+        let text = with_joint(&format!("<default>{defaults}</default><actuator>{actuator}</actuator>"));
+        ok(&text).actuators[0].clone()
+    };
+    let check = |defaults: &str, actuator: &str, dynamics: Dynamics, prm: [f64; 3]| {
+        let a = read(defaults, actuator);
+        assert_eq!((a.dynamics, &a.dynprm[..3]), (dynamics, &prm[..]), "{defaults} {actuator}");
+    };
+    check("", "<motor joint='j'/>", Dynamics::None, [1.0, 0.0, 0.0]);
+    check("", "<general joint='j' dyntype='filter' dynprm='2'/>", Dynamics::Filter, [2.0, 0.0, 0.0]);
+    check("<general dyntype='filter' dynprm='2'/>", "<motor joint='j'/>", Dynamics::None, [1.0, 0.0, 0.0]);
+    let position = "<position joint='j'/>";
+    check("<position timeconst='.3'/>", position, Dynamics::FilterExact, [0.3, 0.0, 0.0]);
+    check("<position timeconst='.3'/>", "<position joint='j' timeconst='0'/>", Dynamics::None, [0.0; 3]);
+    check("<velocity/>", position, Dynamics::None, [1.0, 0.0, 0.0]);
+    check("", "<intvelocity joint='j'/>", Dynamics::Integrator, [1.0, 0.0, 0.0]);
+    check("", "<cylinder joint='j' timeconst='3'/>", Dynamics::Filter, [3.0, 0.0, 0.0]);
+    check("", "<muscle joint='j'/>", Dynamics::Muscle, [0.01, 0.04, 0.0]);
+    check("", "<muscle joint='j' timeconst='-1 .1' tausmooth='.2'/>", Dynamics::Muscle, [0.01, 0.1, 0.2]);
+    let cylinder = read("<cylinder area='3' bias='1 2 3'/>", "<cylinder joint='j'/>");
+    assert_eq!((cylinder.gainprm[0], &cylinder.biasprm[..3]), (3.0, &[1.0, 2.0, 3.0][..]));
+    assert_eq!(read("", "<cylinder joint='j' area='3' diameter='2'/>").gainprm[0], std::f64::consts::PI);
+    let muscle = read("<muscle force='4' lmin='.3'/>", "<muscle joint='j' scale='7' range='.5 .9'/>");
+    let expected = [0.5, 0.9, 4.0, 7.0, 0.3, 1.6, 1.5, 1.3, 1.2, 0.0];
+    assert_eq!(
+        (muscle.gain, muscle.gainprm, muscle.bias, muscle.biasprm),
+        (Gain::Muscle, expected, Bias::Muscle, expected)
+    );
+    let early = read(
+        "",
+        "<general joint='j' dyntype='integrator' actearly='true' actrange='1 2' actlimited='false' actdim='1'/>",
+    );
+    assert_eq!((early.actearly, early.actrange, early.actlimited), (true, Some([1.0, 2.0]), Tri::False));
+    let Actuator { inheritrange, actrange, .. } = read("<intvelocity inheritrange='1'/>", "<intvelocity joint='j'/>");
+    assert_eq!((inheritrange, actrange), (1.0, None));
 }

@@ -8,8 +8,6 @@ const FILES: &str = "only for files that are not there in this test";
 const SAVING: &str = "only for saving and attaching models";
 const USER: &str = "numbers for the user's own code, of which there is none here";
 const MEMORY: &str = "rooms are sized by the model";
-const STATELESS: &str = "acts on an activation only, which is not built";
-const MUSCLES: &str = "only muscles need ranges of lengths";
 const MESHES: &str =
     "only for shapes of meshes, of which there is none in this test, and height fields, which are not built";
 const DELAYS: &str = "only for delays, which are not built";
@@ -22,7 +20,6 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("compiler", "conflict passthrough savecanonical savecompiled saveinertial", SAVING),
     ("compiler", "coordinate", "local is the only value that is supported, and the default"),
     ("compiler", "usethread", SPEED),
-    ("lengthrange", "*", MUSCLES),
     ("option", "jacobian sdf_initpoints sdf_iterations sleep_tolerance", SPEED),
     ("size", "memory nconmax njmax nstack", MEMORY),
     (
@@ -31,7 +28,7 @@ const IDLE: &[(&str, &str, &str)] = &[
         USER,
     ),
     ("*", "user", USER),
-    ("*", "rgba material castshadow", LOOKS),
+    ("*", "rgba material castshadow width", LOOKS),
     ("camera light", "*", LOOKS),
     ("geom", "hfield", MESHES),
     ("mesh", "*", MESHES),
@@ -39,22 +36,14 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("body", "sleep", "only for sleeping, which is not built"),
     ("body", "simple", SPEED),
     ("custom numeric text tuple element", "*", USER),
-    ("*", "lengthrange", MUSCLES),
     ("*", "interp", DELAYS),
     ("general motor position velocity intvelocity damper cylinder muscle", "nsample", DELAYS),
     ("model", "name", "a name, which acts through the elements that give it"),
-    (
-        "camprojection tendonpos tendonvel tendonactuatorfrc tendonlimitpos tendonlimitvel tendonlimitfrc distance normal fromto \
-         contact tactile",
-        "*",
-        "the element is reported as not supported",
-    ),
-    ("general", "dynprm actearly", STATELESS),
+    ("camprojection distance normal fromto contact tactile", "*", "the element is reported as not supported"),
     ("damper", "ctrllimited", "the control of a damper is always limited"),
     ("default", "cranklength", "only for slider-cranks, which are reported where they are used"),
     ("default", "class", "a name, which acts through the elements that give it"),
     ("frame", "name", "frames are gone once their poses are applied"),
-    ("intvelocity cylinder muscle", "*", "the element is reported as not supported"),
 ];
 
 /// Whether a list of words, or of all (`*`), has a word.
@@ -79,7 +68,7 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
         "joint" if path.contains(&"equality") => &[("joint1", "j")],
         "user" => &[("dim", "1")],
         "e_potential" | "e_kinetic" | "clock" | "contact" | "distance" | "normal" | "fromto" => &[],
-        "tendonpos" | "tendonvel" | "tendonactuatorfrc" | "tendonlimitpos" | "tendonlimitvel" | "tendonlimitfrc" => &[],
+        tag if path.contains(&"sensor") && tag.starts_with("tendon") => &[("tendon", "t")],
         "tactile" => &[],
         "insidesite" => &[("site", "s"), ("objtype", "geom"), ("objname", "g")],
         tag if path.contains(&"sensor") && tag.starts_with("frame") => &[("objtype", "site"), ("objname", "s")],
@@ -89,6 +78,11 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
         _ if path.contains(&"sensor") && path.len() > 1 => &[("site", "s")],
         "model" => &[("file", "child")],
         "attach" => &[("model", "m"), ("body", "b"), ("prefix", "p")],
+        "tendon" if path.contains(&"equality") => &[("tendon1", "t")],
+        "joint" if path.contains(&"tendon") => &[("joint", "j"), ("coef", "3")],
+        "site" if path.contains(&"tendon") => &[("site", "s")],
+        "geom" if path.contains(&"tendon") => &[("geom", "g")],
+        "pulley" => &[("divisor", "3")],
         "connect" => &[("body1", "a"), ("anchor", "0 0 1")],
         "weld" => &[("body1", "a")],
         "default" => &[("class", "main")],
@@ -106,7 +100,7 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
         "pair" => &[("geom1", "g"), ("geom2", "h")],
         "exclude" => &[("body1", "a"), ("body2", "world")],
         "general" => &[("joint", "j"), ("biastype", "affine"), ("gainprm", "2"), ("biasprm", "0 -2")],
-        "motor" | "position" | "velocity" => &[("joint", "j")],
+        "motor" | "position" | "velocity" | "intvelocity" | "cylinder" | "muscle" => &[("joint", "j")],
         "damper" => &[("joint", "j"), ("ctrlrange", "0 1")],
         _ => &[],
     }
@@ -137,7 +131,8 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
         _ => "",
     };
     // A joint or inertia needs a body around it.
-    let needs_body = matches!(element, "joint" | "freejoint" | "inertial") && !default && !path.contains(&"equality");
+    let refers = path.contains(&"equality") || path.contains(&"tendon");
+    let needs_body = matches!(element, "joint" | "freejoint" | "inertial") && !default && !refers;
     let mut text =
         if element == "mujoco" { String::new() } else { format!("<{element}{attributes}>{inside}</{element}>") };
     if needs_body {
@@ -150,10 +145,10 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
     }
     let root = if element == "mujoco" { attributes } else { String::new() };
     format!(
-        "<mujoco{root}><asset><model name='m' file='child'/></asset><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/>\
+        "<mujoco{root}><asset><model name='m' file='child'/></asset><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/><tendon group='4'/>\
          <general gear='5'/></default></default>{text}<worldbody><geom name='h' size='1'/><body name='a'>\
          <joint name='j' range='-30 60'/><joint name='k' type='slide'/><geom name='g' size='.1' euler='10 20 30'/><site name='s'/></body></worldbody>\
-         <contact><pair geom1='g' geom2='h'/></contact><equality><joint joint1='k'/></equality>\
+         <contact><pair geom1='g' geom2='h'/></contact><tendon><fixed><joint joint='j' coef='1'/></fixed></tendon><equality><joint joint1='k'/></equality>\
          <actuator><general joint='j'/></actuator></mujoco>"
     )
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{H, close, ok, rejects, world};
-use crate::spec::{Inertia, JointKind, Spec, Transmission, Tri};
+use crate::spec::{Inertia, JointKind, Spec, Tri};
 
 fn geom_quat(compiler: &str, attributes: &str) -> [f64; 4] {
     let text = format!("<mujoco><compiler {compiler}/><worldbody><geom size='1' {attributes}/></worldbody></mujoco>");
@@ -188,22 +188,25 @@ fn replicas_within_a_body() {
 
 #[test]
 fn references_follow_replicas() {
-    let bodies = "<worldbody><geom name='h' type='plane' size='1 1 1'/><replicate count='2'>\
-        <body name='b'><joint name='j'/><geom name='g' size='.1'/><replicate count='2'><body name='c'><joint name='i'/>\
+    let bodies = "<worldbody><site name='w'/><geom name='h' type='plane' size='1 1 1'/><replicate count='2'>\
+        <body name='b'><joint name='j'/><site name='s'/><geom name='g' size='.1'/><replicate count='2'><body name='c'><joint name='i'/>\
         </body></replicate></body></replicate><body name='k'><joint name='k'/></body></worldbody>";
     let spec = ok(&format!(
         "<mujoco>{bodies}<actuator><motor name='p' joint='k'/><motor name='m' joint='j'/><motor name='q' joint='i'/>\
-         <motor name='r' joint='j'/></actuator><contact><pair name='x' geom1='h' geom2='g'/>\
+         <motor name='r' joint='j'/><motor name='s' site='s' refsite='w'/></actuator><contact><pair name='x' geom1='h' geom2='g'/>\
          <exclude body1='world' body2='b'/></contact></mujoco>"
     ));
     let actuators: Vec<String> = spec
         .actuators
         .iter()
-        .map(|a| match &a.transmission {
-            Transmission::Joint(joint) | Transmission::JointInParent(joint) => format!("{} {joint}", a.name),
+        .map(|a| {
+            let sites = a.transmission.sites().into_iter().map(|(_, site)| site);
+            let targets: Vec<&str> = a.transmission.joint().into_iter().chain(sites).collect();
+            format!("{} {}", a.name, targets.join(" "))
         })
         .collect();
-    let expected = ["p k", "m0 j0", "r0 j0", "q00 i00", "q10 i10", "m1 j1", "r1 j1", "q01 i01", "q11 i11"];
+    let expected =
+        ["p k", "m0 j0", "r0 j0", "s0 s0 w", "q00 i00", "q10 i10", "m1 j1", "r1 j1", "s1 s1 w", "q01 i01", "q11 i11"];
     assert_eq!(actuators, expected);
     let pairs: Vec<_> = spec.pairs.iter().map(|p| (&*p.name, &*p.geom1, &*p.geom2)).collect();
     assert_eq!(pairs, [("x0", "h", "g0"), ("x1", "h", "g1")]);

@@ -59,10 +59,9 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
     let several = "an actuator with several inputs is";
     check("<general joint='j' velrange='-1 1'/>", &format!("general: attribute \"velrange\": {several}"));
     check("<general joint='j' ffrange='-1 1'/>", &format!("general: attribute \"ffrange\": {several}"));
-    check("<general joint='j' gaintype='muscle'/>", "general: gaintype \"muscle\" is");
+    check("<general joint='j' gaintype='dcmotor'/>", "general: gaintype \"dcmotor\" is");
     check("<general joint='j' biastype='user'/>", "general: biastype \"user\" is");
-    check("<general joint='j' dyntype='filter'/>", "general: attribute \"dyntype\": an activation state is");
-    check("<position joint='j' timeconst='1'/>", "position: attribute \"timeconst\": an activation state is");
+    check("<general joint='j' dyntype='user'/>", "general: dyntype \"user\" is");
     check("<motor joint='j' delay='.1'/>", "motor: attribute \"delay\": a delay is");
     check(
         "<general joint='j' input='pos vel'/>",
@@ -200,20 +199,17 @@ fn saved_actuators_are_read() {
     let class = "<default><default class='servo'><general input='pos' biastype='affine' gainprm='6' \
         biasprm='0 -6 -0.3'/></default></default>";
     let reset = "<general class='servo' joint='j' input='' biastype='none' gainprm='1' biasprm='0 0 0'/>";
-    let motor = ([1.0, 0.0, 0.0], [0.0; 3], 0.0);
+    let plain = crate::spec::Actuator::default();
+    let motor = (plain.gainprm, plain.biasprm, 0.0);
     assert_eq!(gains(&format!("{class}<actuator>{reset}</actuator>")), motor);
 }
 
 /// What gives no force by itself stops no strict load.
 #[test]
-fn tendons_constraints_and_skins_without_effect_are_notes() {
+fn constraints_and_skins_without_effect_are_notes() {
     for (section, note) in [
         (
-            "<tendon>\n<fixed name='t' width='.01' stiffness='0' limited='false'><joint joint='j' coef='1'/></fixed></tendon>",
-            "line 2: 1 tendons without a force of their own are left out, as tendons are not built",
-        ),
-        (
-            "<equality>\n<flex flex='f' active='false'/><tendon tendon1='t' active='false'/></equality>",
+            "<equality>\n<flex flex='f' active='false'/><distance geom1='g' geom2='h' active='false'/></equality>",
             "line 2: 2 equality constraints of kinds that are not built, not active, are left out",
         ),
         ("<deformable>\n<skin name='s'/></deformable>", "line 2: 1 skins are not drawn"),
@@ -221,15 +217,8 @@ fn tendons_constraints_and_skins_without_effect_are_notes() {
         let spec = ok(&with_joint(&format!("{section}<keyframe><key qpos='1'/></keyframe>")));
         assert_eq!((spec.notes, spec.keys.len()), (vec![note.to_string()], 1), "{section}");
     }
-    let class = "<default><tendon stiffness='1'/></default>";
-    for section in [
-        "<tendon><fixed range='0 1'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
-        "<tendon><fixed stiffness='2'><joint joint='j' coef='1'/></fixed></tendon>".to_string(),
-        format!("{class}<tendon><fixed><joint joint='j' coef='1'/></fixed></tendon>"),
-        "<equality><tendon tendon1='t'/></equality>".to_string(),
-        "<deformable><flex/></deformable>".to_string(),
-    ] {
-        parse(&with_joint(&section), &LoadOptions::default()).expect_err("changes the motion");
+    for section in ["<equality><flex flex='f'/></equality>", "<deformable><flex/></deformable>"] {
+        parse(&with_joint(section), &LoadOptions::default()).expect_err("changes the motion");
     }
 }
 

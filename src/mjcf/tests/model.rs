@@ -147,8 +147,8 @@ fn overrides() {
 #[test]
 fn losses() {
     let text = with_joint(
-        "<tendon><fixed name='t' stiffness='1'/></tendon><sensor><clock/></sensor>\
-         <actuator><motor name='a' tendon='t'/><motor name='b' joint='j'/></actuator>\
+        "<equality><flex name='t'/></equality><sensor><clock/></sensor>\
+         <actuator><general name='a' body='b'/><motor name='b' joint='j'/></actuator>\
          <worldbody><geom name='v' type='hfield'/><camera/><light/></worldbody>\
          <contact><pair geom1='v' geom2='g'/></contact><keyframe><key ctrl='1 2' act='3'/></keyframe>",
     );
@@ -156,8 +156,8 @@ fn losses() {
     assert_eq!(
         spec.losses,
         [
-            "line 1: fixed \"t\": tendons are not supported, left out",
-            "line 1: motor \"a\": transmission through a tendon is not supported, left out",
+            "line 1: flex \"t\": this kind of equality constraint is not supported, left out",
+            "line 1: general \"a\": transmission through a body is not supported, left out",
             "line 1: geom \"v\": height fields are not supported, left out with its contacts",
             "line 1: pair: geom \"v\" was left out, and so is this pair",
             "line 1: key: act left out with the actuators that it belongs to",
@@ -166,5 +166,5 @@ fn losses() {
     assert_eq!((spec.actuators.len(), spec.pairs.len()), (1, 0));
     assert_eq!(spec.keys[0].ctrl, Some(vec![2.0]));
     assert_eq!(spec.notes, ["1 cameras and 1 lights have no effect"]);
-    rejects(&text, "1: fixed \"t\": tendons are not supported (a lenient load leaves it out)");
+    rejects(&text, "1: flex \"t\": this kind of equality constraint is not supported (a lenient load leaves it out)");
 }

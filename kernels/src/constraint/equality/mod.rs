@@ -12,6 +12,7 @@ use crate::lane::{Lane, Mask};
 use crate::math::vec3::zero;
 use crate::model::{Equality, EqualityDof, EqualityKind, Instance, Model, NONE};
 use crate::position::orientation;
+use crate::tendon;
 
 /// Equality constraints of a block. Lists of numbers have room for all that the model has, each at its place.
 #[derive(Clone, Debug)]
@@ -106,7 +107,8 @@ pub fn equality_rows<L: Lane>(
             cross = cross | acts;
         }
         let held = match equality.kind {
-            EqualityKind::Joint => joint::held(equality, qpos),
+            EqualityKind::Joint => joint::held(equality, equality.qpos, qpos),
+            EqualityKind::Tendon => joint::held(equality, equality.tendons, &motion.tendons.length),
             EqualityKind::Connect | EqualityKind::Weld => sides::held(model, equality, motion, &out.quats),
         };
         write(model, e, &held, motion, acts, out);
@@ -142,8 +144,8 @@ struct Held<L> {
 
 /// How a dof moves what is held.
 enum Rates<L> {
-    /// As its joint: by this times the velocity, for the first joint and the second.
-    Joints([L; 2]),
+    /// As its joint, or the tendons that it changes: by this times their velocity, for the first and the second.
+    Lengths([L; 2]),
     /// As points and frames.
     Sides(sides::Sides<L>),
 }
@@ -165,7 +167,7 @@ fn write<L: Lane>(
     let (mut moves, mut speeds) = (L::Mask::splat(false), [L::zero(); 6]);
     let columns = out.jacobian[equality.jacobian as usize..].chunks_exact_mut(dim);
     for (entry, column) in dofs.iter().zip(columns) {
-        let rates = rates(&held.rates, entry, motion);
+        let rates = rates(&model, equality, &held.rates, entry, motion);
         let qvel = motion.qvel[entry.dof as usize];
         for ((j, speed), rate) in column.iter_mut().zip(&mut speeds).zip(rates) {
             *j = rate;
@@ -192,11 +194,26 @@ fn write<L: Lane>(
 
 /// The column of a dof.
 #[inline(always)]
-fn rates<L: Lane>(rates: &Rates<L>, entry: &EqualityDof, motion: Motion<'_, L>) -> [L; 6] {
+fn rates<L: Lane>(
+    model: &Model<L::Real>,
+    equality: &Equality<L::Real>,
+    rates: &Rates<L>,
+    entry: &EqualityDof,
+    motion: Motion<'_, L>,
+) -> [L; 6] {
     match rates {
-        Rates::Joints(factors) => {
+        Rates::Lengths(factors) => {
             let mut column = zero();
-            column[0] = factors[usize::from(entry.moves[1])];
+            for side in (0..2).filter(|side| entry.moves[*side]) {
+                column[0] = match equality.tendons[side] {
+                    NONE => factors[side],
+                    tendon => {
+                        let columns = tendon::columns(model, tendon as usize, &motion.tendons.jacobian);
+                        let own = columns.filter(|(dof, _)| *dof == entry.dof as usize);
+                        own.fold(column[0], |sum, (_, j)| factors[side].mul_add(j, sum))
+                    }
+                };
+            }
             column
         }
         Rates::Sides(sides) => sides.rates(&motion.position.cdof[entry.dof as usize], entry.moves),

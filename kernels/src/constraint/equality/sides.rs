@@ -1,7 +1,6 @@
 //! A point of one body on a point of another, or a frame on a frame.
 
 use super::{Held, Motion, Rates};
-use crate::collision::origin;
 use crate::lane::Lane;
 use crate::math::quat::{self, Quat};
 use crate::math::spatial::{Spatial, lin, rot};
@@ -104,7 +103,7 @@ pub(super) fn held<L: Lane>(
         if link == NONE { own } else { mul_add(&position.rot[link as usize], &own, &position.pos[link as usize]) }
     };
     let points = [point(0), point(1)];
-    let [first, second] = equality.links.map(|link| origin(&model, position, link));
+    let [first, second] = equality.links.map(|link| position.origin_of(&model, link));
     let off = add(&sub(&first, &second), &sub(&points[0], &points[1]));
     let turn = (equality.kind == EqualityKind::Weld).then(|| Turn::new(equality, quats));
     let sides = Sides { points, turn };

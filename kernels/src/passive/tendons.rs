@@ -1,0 +1,63 @@
+//! Springs and dampers along tendons.
+
+use super::stiffness;
+use crate::lane::Lane;
+use crate::math::vec3::splat;
+use crate::model::{Features, Model, Tendon};
+use crate::tendon::{self, Tendons};
+
+/// Adds their forces.
+pub(super) fn add<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, force: &mut [L]) {
+    let Features { springs, dampers, .. } = model.features;
+    let acts = |tendon: &Tendon<L::Real>| springs && tendon.spring || dampers && tendon.damped;
+    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
+        let (mut tension, rate) = (L::zero(), tendons.velocity[t]);
+        if springs && tendon.spring {
+            let x = stretched(tendon, tendons.length[t]);
+            tension = stiffness(&splat(&tendon.stiffness), x) * x;
+        }
+        if dampers && tendon.damped {
+            let [a, b, c]: [L; 3] = splat(&tendon.damping);
+            let speed = rate.abs();
+            let hold = if tendon.damping_linear { a } else { speed.mul_add(speed.mul_add(c, b), a) };
+            tension = hold.mul_add(rate, tension);
+        }
+        tendon::pull(model, t, &tendons.jacobian, -tension, force);
+    }
+}
+
+/// How far a tendon's spring is from where it rests: longer, or shorter.
+#[inline(always)]
+fn stretched<L: Lane>(tendon: &Tendon<L::Real>, length: L) -> L {
+    let [low, high] = tendon.rest.map(L::splat);
+    let zero = L::zero();
+    L::select(length.gt(high), length - high, L::select(length.lt(low), length - low, zero))
+}
+
+/// Derivative of a tendon's damper force by the rate of its length, a + 2 b|v| + 3 c v².
+#[inline(always)]
+pub fn tendon_damper_slope<L: Lane>(model: &Model<L::Real>, tendon: usize, rate: L) -> L {
+    let [a, b, c]: [L; 3] = splat(&model.tendons[tendon].damping);
+    if model.tendons[tendon].damping_linear {
+        return a;
+    }
+    let speed = rate.abs();
+    speed.mul_add(speed.mul_add(L::of(3.0) * c, b + b), a)
+}
+
+/// Derivative of a tendon's spring force by its length, a + 2 b x + 3 c x²; 0 where it rests.
+#[inline(always)]
+pub fn tendon_spring_slope<L: Lane>(tendon: &Tendon<L::Real>, length: L) -> L {
+    let [a, b, c]: [L; 3] = splat(&tendon.stiffness);
+    let x = stretched(tendon, length);
+    let slope = x.mul_add(x.mul_add(L::of(3.0) * c, b + b), a);
+    L::select(x.eq(L::zero()), L::zero(), slope)
+}
+
+/// ½ a x² + b x³/3 + c x⁴/4 of a tendon's spring.
+#[inline(always)]
+pub fn tendon_spring_energy<L: Lane>(tendon: &Tendon<L::Real>, length: L) -> L {
+    let [a, b, c]: [L; 3] = splat(&tendon.stiffness);
+    let x = stretched(tendon, length);
+    x.mul_add(x.mul_add(c * L::of(0.25), b * L::of(1.0 / 3.0)), a * L::of(0.5)) * x * x
+}
