@@ -128,6 +128,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         fluids: fluids(&spec.option, &links, &scene),
         actuators: actuators.table.clone(),
         rows,
+        tiles: Default::default(),
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
@@ -139,6 +140,10 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
     let mut tables = kernel::Model { tree_pattern, levers, ..tables };
     tables.blur = blur(&tables);
+    tables.tiles = kernel::Tiles::new(&tables);
+    if !tables.tiles.is_empty() {
+        (tables.sizes.ntile, tables.sizes.npanel) = tables.tiles.room();
+    }
     // What is implicit needs the matrix.
     if articulated::pays(&tables) && !Stage::Derivative.present(&tables) {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
@@ -262,6 +267,8 @@ fn sizes(
         ncollider: pairs.geoms.len(),
         nslot: pairs.nslot,
         nm,
+        ntile: 0,
+        npanel: 0,
         narticulated: 0,
         neq: equalities.held.len(),
         ne: equalities.ne,
