@@ -168,6 +168,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         sensors: sensors.table,
         targets: sensors.targets,
         rows,
+        tiles: Default::default(),
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
@@ -179,6 +180,10 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let (tree_pattern, levers) = (rows::tree_pattern(&tables.dofs), levers(&tables));
     let mut tables = kernel::Model { tree_pattern, levers, ..tables };
     tables.blur = blur(&tables);
+    tables.tiles = kernel::Tiles::new(&tables);
+    if !tables.tiles.is_empty() {
+        (tables.sizes.ntile, tables.sizes.npanel) = tables.tiles.room();
+    }
     let mut diagnostics = Diagnostics::default();
     let constants = actuators::constants(spec, &derived, &mut tables, &mut diagnostics);
     // What is implicit needs the matrix.
@@ -320,6 +325,8 @@ fn sizes(
         ncollider: pairs.geoms.len(),
         nslot: pairs.nslot,
         nm,
+        ntile: 0,
+        npanel: 0,
         narticulated: 0,
         neq: equalities.held.len(),
         ne: equalities.ne,

@@ -8,10 +8,10 @@ use lanesim_codegen::{
 use lanesim_kernels::collision::{self, Class, Near};
 use lanesim_kernels::constraint::{self, Classes, ContactRow};
 use lanesim_kernels::lane::LaneQuery;
-use lanesim_kernels::model::{Model as Tables, Pattern, Quantities, Quantity, Sides};
+use lanesim_kernels::model::{Model as Tables, Patch, Pattern, Quantities, Quantity, Sides};
 use lanesim_kernels::options::{self, Integrator};
 use lanesim_kernels::part::{COLUMNS, Family, Group, Item, KIND_COLUMNS, Lanes, Op, Part, Step, Threes, stride};
-use lanesim_kernels::solver;
+use lanesim_kernels::solver::{self, Tile, Work};
 use lanesim_kernels::stage::Stage;
 
 use super::patterns::Patterns;
@@ -46,6 +46,10 @@ pub struct Common<T> {
     /// Classes of contacts.
     pub rows: Classes,
     groups: Vec<Vec<u32>>,
+    /// Tiles by [`Work`] and shape, and whether there are such.
+    tiles: Vec<Vec<(Tile, bool)>>,
+    /// Tiles to which contacts add, by shape.
+    patches: Vec<(ContactRow, Patch)>,
     /// By [`Op`], the number of its first part; then that of all.
     bases: Vec<usize>,
     /// Numbers that all worlds share, in the order of [`Quantity::SHARED`].
@@ -76,12 +80,19 @@ impl<T: Float> Common<T> {
             (class, Near { pair: class.pair, worlds: u32::MAX, first: 0, points, class: number })
         };
         let shapes: Vec<_> = collision::classes(tables).0.into_iter().zip(0..).map(near).collect();
-        let (_, rows) = constraint::rows_of_pairs(tables);
+        let (of_pairs, rows) = constraint::rows_of_pairs(tables);
+        let tiles: Vec<_> = Work::ALL.into_iter().map(|work| tiles_of(tables, work)).collect();
+        let patch = |(pair, patch): &(u32, Patch)| (of_pairs[*pair as usize], *patch);
+        let patches: Vec<_> = tables.tiles.shapes.iter().map(patch).collect();
         let groups = collision::groups(tables);
         let mut bases = vec![0];
         for op in Op::ALL {
             let stage = op.stage();
-            let absent = *op == Op::Equality && tables.equalities.is_empty();
+            let absent = match op {
+                Op::Equality => tables.equalities.is_empty(),
+                Op::Spread | Op::Aim | Op::Motion | Op::Settle => tables.tiles.is_empty(),
+                _ => false,
+            };
             let none = absent || !stage.present(tables) || stage == Stage::Solver && !tables.constrained();
             let count = match op.family() {
                 _ if none => 0,
@@ -92,6 +103,8 @@ impl<T: Float> Common<T> {
                 Family::Links => rows.links.len(),
                 Family::Couple => rows.couples.len(),
                 Family::Kind => rows.kinds.len(),
+                Family::Tiles(work) => tiles[work as usize].len(),
+                Family::Patches => patches.len(),
             };
             bases.push(bases.last().map_or(0, |last| last + count));
         }
@@ -106,7 +119,7 @@ impl<T: Float> Common<T> {
             numbers
         };
         let shared = Quantity::SHARED.map(shared);
-        Common { isa, shapes, rows, groups, bases, shared, varying: Mutex::default() }
+        Common { isa, shapes, rows, groups, tiles, patches, bases, shared, varying: Mutex::default() }
     }
 
     /// Number of a part; `None`: it is of no class of the model.
@@ -137,7 +150,11 @@ impl<T: Float> Common<T> {
     fn has(&self, part: Part) -> bool {
         match part.op {
             Op::Parallel => self.shapes[part.of as usize].0.capsules(),
-            op => op.family() != Family::Kind || op.applies(self.rows.kinds[part.of as usize].sides),
+            op => match op.family() {
+                Family::Kind => op.applies(self.rows.kinds[part.of as usize].sides),
+                Family::Tiles(work) => self.tiles[work as usize][part.of as usize].1,
+                _ => true,
+            },
         }
     }
 
@@ -151,6 +168,8 @@ impl<T: Float> Common<T> {
             Family::Links => Item::Row(&self.rows.links[of]),
             Family::Couple => Item::Row(&self.rows.couples[of]),
             Family::Kind => Item::Row(&self.rows.kinds[of]),
+            Family::Tiles(work) => Item::Tile(&self.tiles[work as usize][of].0),
+            Family::Patches => Item::Patch(&self.patches[of].0, &self.patches[of].1),
         }
     }
 
@@ -158,6 +177,7 @@ impl<T: Float> Common<T> {
     pub fn columns(&self, part: Part) -> usize {
         match part.op.family() {
             Family::Options(_) | Family::Group => 0,
+            Family::Tiles(_) | Family::Patches => KIND_COLUMNS,
             Family::Kind if self.rows.kinds[part.of as usize].sides != Sides::Apart => KIND_COLUMNS,
             _ => COLUMNS,
         }
@@ -182,6 +202,14 @@ impl<T: Float> Common<T> {
             Family::Links => &self.rows.links[of],
             Family::Couple => &self.rows.couples[of],
             Family::Kind => &self.rows.kinds[of],
+            Family::Tiles(work) => {
+                let lens = tables.tiles.lens_of(part.of, work.strips());
+                return lens.iter().fold(name.to_owned(), |name, len| format!("{name} {len}"));
+            }
+            Family::Patches => {
+                let (row, Patch { rows, columns, stride, .. }) = &self.patches[of];
+                return format!("{name} {}, {} by {} of {stride}", row.dim, rows.len, columns.len);
+            }
         };
         let kind = format!("{name} {:?} {:?} {}", row.sides, row.cone, row.dim).to_lowercase();
         let (pair, links) = (&tables.pairs[row.pair as usize], [row.link, row.other]);
@@ -354,17 +382,20 @@ impl<T: Float> ModelCode<T> {
         let pairs = |has: &dyn Fn(&lanesim_kernels::model::Pair<T>) -> bool| tables.pairs.iter().any(has);
         let both = pairs(&|pair| pair.sides != Sides::One);
         let listed = tables.equalities.iter().any(|equality| equality.cross) || tables.tendon_joins().next().is_some();
-        let joins = listed || pairs(&|pair| pair.cross);
+        let joins = tables.tiles.is_empty() && (listed || pairs(&|pair| pair.cross));
         let primal = tables.options.solver != options::Solver::Pgs;
         let newton = tables.options.solver == options::Solver::Newton;
         let wanted = move |part: &Part| match (part.op, part.of) {
             (Op::Smooth, of) => of == 0,
             (Op::Integrate, _) => tables.options.integrator != Integrator::Rk4,
-            (Op::Energy | Op::MeasureBoth | Op::Couple, _) => false,
+            (Op::Energy | Op::Sensor | Op::MeasureBoth | Op::Couple, _) => false,
             (Op::Equality | Op::Joints | Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
             (Op::Conjugate, _) => primal && !newton,
             (Op::Turn, _) => primal && newton,
             (Op::Curve | Op::Stiffen, _) if !newton => false,
+            (Op::Spread | Op::Aim | Op::Motion | Op::Settle, _) => true,
+            // Those of tiles are made when they are met.
+            (op, _) if matches!(op.family(), Family::Tiles(_) | Family::Patches) => false,
             (Op::Curve, _) => primal && (both || listed),
             (Op::Descend, 0) => primal && newton && both,
             (Op::Descend, _) => primal && newton && joins,
@@ -388,6 +419,11 @@ impl<T: Float> ModelCode<T> {
             let mut fields = Threes::NONE;
             for part in self.wanted().filter(of_solve) {
                 fields = fields.or(set(part)?);
+            }
+            // Of tiles, too, some stand for all.
+            let of_tiles = Work::ALL.into_iter().map(Op::from);
+            for code in of_tiles.filter_map(|op| self.common.parts(op).next()).map(set) {
+                fields = fields.or(code?);
             }
             // Of those of single pairs, some stand for all.
             let Classes { couples, kinds, .. } = &self.common.rows;
@@ -433,6 +469,16 @@ impl<T: Float> ModelCode<T> {
 
 /// Parts of contacts by kind that contacts of all kinds have.
 pub const KIND_OPS: [Op; 5] = [Op::Survey, Op::Take, Op::Approach, Op::Slope, Op::Act];
+
+/// Of every shape, a tile that some work may be for, and whether there are such.
+fn tiles_of<T>(tables: &Tables<T>, work: Work) -> Vec<(Tile, bool)> {
+    let (tiles, count) = (&tables.tiles, work.strips());
+    if tiles.is_empty() || work == Work::Couple {
+        return vec![];
+    }
+    let of = |shape| (solver::prototype(tiles, work, shape), tiles.has(&tiles.lens_of(shape, count)));
+    (0..tiles.lens.len().pow(count as u32) as u32).map(of).collect()
+}
 
 /// Whether a part's code leaves out what is the same in all worlds: those that come after the inertia matrix.
 fn structured(op: Op) -> bool {

@@ -17,6 +17,7 @@ use std::sync::{Arc, OnceLock};
 use lanesim_codegen::{Block, Float, InstructionSet, Scratch, Windows};
 use lanesim_kernels::model::{Model as Tables, Quantities, Sides};
 use lanesim_kernels::part::{COLUMNS, Executor, Family, Item, KIND_COLUMNS, Op, Part, Parts, Step, Threes};
+use lanesim_kernels::solver::Tiling;
 
 pub(crate) use library::ModelCode;
 use patterns::Found;
@@ -61,20 +62,29 @@ pub(crate) struct Native<T: Float> {
     windows: Windows<COLUMNS>,
     kinds: Windows<KIND_COLUMNS>,
     worlds: Vec<u32>,
-    /// Of the contacts of the present solve.
+    lists: Lists,
+}
+
+/// What the parts of a solve are run for.
+struct Lists {
+    /// The contacts.
     places: Places,
     /// Patterns that contacts have filled in.
     filled: Found,
+    /// Tiles of the Hessian, and of every stretch their windows.
+    tiling: Tiling,
+    tiles: Windows<KIND_COLUMNS>,
 }
 
 impl<T: Float> Native<T> {
     pub fn new(code: Arc<ModelCode<T>>) -> Self {
         let most = code.tables.capacity().contacts;
         let places = Places::with_capacity(most, &code.common.rows);
-        let filled = Found::new(&code.tables);
+        let (filled, tiles) = (Found::new(&code.tables), Windows::with_capacity(0, 0));
+        let lists = Lists { places, filled, tiling: Tiling::default(), tiles };
         let (windows, kinds) = (Windows::with_capacity(1, most), Windows::with_capacity(1, most));
         let (worlds, sets) = (Vec::with_capacity(most), vec![Threes::NONE; code.common.count()]);
-        Native { root: code.clone(), code, scratch: Scratch::new(), sets, windows, kinds, worlds, places, filled }
+        Native { root: code.clone(), code, scratch: Scratch::new(), sets, windows, kinds, worlds, lists }
     }
 
     /// Number of a part, and the fields of its code; `None`: it has no code.
@@ -139,21 +149,21 @@ impl<L: Block> Executor<L> for Native<L::Float> {
     }
 
     fn measure(&mut self, step: &mut Step<'_, L>, run: &mut dyn FnMut(&mut dyn Parts)) -> bool {
-        self.places.place(step);
+        self.lists.places.place(step);
         let mut all = Threes::NONE;
         for row in &step.ws.constraint.contact_rows {
             let op = if row.sides == Sides::One { Op::Measure } else { Op::MeasureBoth };
             let Some((_, set)) = self.find(row.part(op)) else { return false };
             all = all.or(set);
         }
-        let Native { root, code, scratch, places, filled, .. } = self;
-        run(&mut Solve::on(all, (root, code), (scratch, places, filled), step));
+        let Native { root, code, scratch, lists, .. } = self;
+        run(&mut Solve::on(all, (root, code), (scratch, lists), step));
         true
     }
 
     fn solve(&mut self, step: &mut Step<'_, L>, run: &mut dyn FnMut(&mut dyn Parts)) -> bool {
-        let Native { root, code, scratch, places, filled, .. } = self;
-        let Some(mut parts) = Solve::new((root, code), (scratch, places, filled), step) else { return false };
+        let Native { root, code, scratch, lists, .. } = self;
+        let Some(mut parts) = Solve::new((root, code), (scratch, lists), step) else { return false };
         run(&mut parts);
         true
     }

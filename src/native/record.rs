@@ -199,7 +199,8 @@ pub fn workspace<L: Lane>(
     match item {
         Item::Whole => {}
         Item::Near(near) => places = near.points as usize,
-        Item::Row(row) => {
+        Item::Tile(_) => {}
+        Item::Row(row) | Item::Patch(row, _) => {
             places = 1;
             let (constraint, dim) = (&mut ws.constraint, row.dim as usize);
             let dofs = tables.pairs[row.pair as usize].dofs.len as usize;

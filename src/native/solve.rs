@@ -7,11 +7,12 @@ use lanesim_codegen::{Block, Float, Scratch, Session};
 use lanesim_kernels::constraint::ContactRow;
 use lanesim_kernels::model::{Model as Tables, Sides};
 use lanesim_kernels::options;
-use lanesim_kernels::part::{Family, Op, Part, Parts, Step, Threes};
+use lanesim_kernels::part::{self, Family, Item, Op, Part, Parts, Step, Threes};
+use lanesim_kernels::solver::{Phase, Work};
 
+use super::Lists;
 use super::library::{Coded, KIND_OPS, ModelCode};
 use super::patterns::{Found, Joined};
-use super::places::Places;
 
 /// What the type says that holds them: parts for which there is no code are not bound.
 const COMPILED: &str = "all parts have code";
@@ -34,9 +35,8 @@ pub struct Solve<'a, L: Block> {
     code: &'a Arc<ModelCode<L::Float>>,
     /// By op, the number of its first part.
     bases: &'a [usize],
-    places: &'a mut Places,
+    lists: &'a mut Lists,
     rows: &'a [ContactRow],
-    found: &'a mut Found,
     factor: Factor,
     /// One that fits all listed contacts.
     whole: Factor,
@@ -52,7 +52,7 @@ impl<'a, L: Block> Solve<'a, L> {
     /// Lends the fields; `None` unless all parts that the solve needs have code.
     pub fn new(
         (root, code): Codes<'a, L::Float>,
-        (scratch, places, found): (&'a mut Scratch, &'a mut Places, &'a mut Found),
+        (scratch, lists): (&'a mut Scratch, &'a mut Lists),
         step: &'a mut Step<'_, L>,
     ) -> Option<Self> {
         let constraint = &step.ws.constraint;
@@ -62,10 +62,11 @@ impl<'a, L: Block> Solve<'a, L> {
         let set = code.solves(root)?;
         let lent = |coded: &Coded<_>| set.includes(coded.set);
         let coded = |row: &ContactRow, ops: &[Op]| ops.iter().all(|op| code.get(root, row.part(*op)).is_some_and(lent));
+        let tiled = !code.tables.tiles.is_empty();
         let of_pair = |row: &ContactRow| match row.sides {
             Sides::One => true,
             Sides::Two => coded(row, &PAIR_OPS),
-            Sides::Apart => coded(row, &PAIR_OPS) && coded(row, &KIND_OPS),
+            Sides::Apart => (tiled || coded(row, &PAIR_OPS)) && coded(row, &KIND_OPS),
         };
         if constraint.coupled && !constraint.contact_rows.iter().all(of_pair) {
             return None;
@@ -73,12 +74,16 @@ impl<'a, L: Block> Solve<'a, L> {
         let (cross, joining) = (constraint.cross, constraint.equality.cross);
         // Whatever of them acts later fits where all do.
         let full = || [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
-        let whole = if !cross || full() {
+        if tiled && cross {
+            lists.tiling.begin();
+            lists.find((root, code), &constraint.contact_rows, u32::MAX, L::WIDTH)?;
+        }
+        let whole = if tiled || !cross || full() {
             Factor::Full
         } else {
-            pattern((root, code), found, (&constraint.contact_rows, joining), u32::MAX)?
+            pattern((root, code), &mut lists.filled, (&constraint.contact_rows, joining), u32::MAX)?
         };
-        let parts = Solve::on(set, (root, code), (scratch, places, found), step);
+        let parts = Solve::on(set, (root, code), (scratch, lists), step);
         Some(Solve { factor: whole, whole, cross, joining, ..parts })
     }
 
@@ -86,13 +91,13 @@ impl<'a, L: Block> Solve<'a, L> {
     pub fn on(
         set: Threes,
         (root, code): Codes<'a, L::Float>,
-        (scratch, places, found): (&'a mut Scratch, &'a mut Places, &'a mut Found),
+        (scratch, lists): (&'a mut Scratch, &'a mut Lists),
         step: &'a mut Step<'_, L>,
     ) -> Self {
         let (mut rows, bases, full) = (&[][..], code.common.bases(), Factor::Full);
         let session = code.lend(set, (scratch, step), &mut rows);
         let (chosen, cross, joining) = (None, false, 0);
-        Solve { root, code, bases, places, rows, found, factor: full, whole: full, chosen, cross, joining, session }
+        Solve { root, code, bases, lists, rows, factor: full, whole: full, chosen, cross, joining, session }
     }
 
     /// Number of a call: that of the part, or one beyond those of all for a pattern.
@@ -117,7 +122,7 @@ impl<'a, L: Block> Solve<'a, L> {
             let alike = |row: &ContactRow| has(row) && row.part(op) == part;
             end = start + self.rows[start..].iter().take_while(|row| alike(row)).count();
             let call = self.bases[op as usize] + part.of as usize;
-            while self.session.run_each(call, masks, self.places.some(start, end)).is_none() {
+            while self.session.run_each(call, masks, self.lists.places.some(start, end)).is_none() {
                 bind((self.root, self.code), &mut self.session, part, call);
             }
         }
@@ -134,6 +139,39 @@ fn bind<T: Float>((root, code): Codes<'_, T>, session: &mut Session<'_, T>, part
     }
     .expect(COMPILED);
     coded.bind(session, call);
+}
+
+impl Lists {
+    /// Finds the tiles for the contacts that act in some world of `acting`; whether these join branches. `None`: not all that is to be
+    /// done with them has code.
+    fn find<T: Float>(
+        &mut self,
+        (root, code): Codes<'_, T>,
+        rows: &[ContactRow],
+        acting: u32,
+        width: usize,
+    ) -> Option<bool> {
+        let Lists { tiling, tiles, .. } = self;
+        let (model, (joined, new)) = (&*code.tables, tiling.find(&code.tables, rows, acting));
+        if !new {
+            return Some(joined);
+        }
+        tiles.clear();
+        for stretch in (0..tiling.count()).map(|number| tiling.stretch(number)) {
+            code.get(root, Part::of(stretch.work.into(), stretch.shape))?;
+            let starts = |item: Item<'_>| *item.starts(model, width).first_chunk().expect("more columns");
+            if stretch.work == Work::Couple {
+                let patches = tiling.patches[stretch.items.range()].iter();
+                let item = |[_, row, patch]: &[u32; 3]| {
+                    starts(Item::Patch(&rows[*row as usize], model.tiles.patch(*patch as usize)))
+                };
+                tiles.add(patches.map(item));
+            } else {
+                tiles.add(tiling.tiles[stretch.items.range()].iter().map(|tile| starts(Item::Tile(tile))));
+            }
+        }
+        Some(joined)
+    }
 }
 
 /// Parts of contacts both sides of which move.
@@ -186,39 +224,64 @@ impl<L: Block> Parts for Solve<'_, L> {
         if op.family() != Family::Kind {
             return self.in_order(op, acting, masks);
         }
-        if self.places.apart() {
+        if self.lists.places.apart() {
             self.in_order(op, acting, masks);
         }
+        let Solve { root, code, lists: Lists { places, .. }, session, .. } = self;
         let whole = acting == u32::MAX;
         if !whole {
-            self.places.narrow(acting);
+            places.narrow(acting);
         }
         let first = self.bases[op as usize];
-        for place in 0..self.places.present().len() {
-            let (kind, sides) = self.places.present()[place];
-            let windows = if whole { self.places.all(kind) } else { self.places.active(kind) };
+        for place in 0..places.present().len() {
+            let (kind, sides) = places.present()[place];
+            let windows = if whole { places.all(kind) } else { places.active(kind) };
             if windows.is_empty() || !op.applies(sides) {
                 continue;
             }
             let call = first + kind;
-            while self.session.run_each(call, masks, windows).is_none() {
-                bind((self.root, self.code), &mut self.session, Part::of(op, kind as u32), call);
+            while session.run_each(call, masks, windows).is_none() {
+                bind((root, code), session, Part::of(op, kind as u32), call);
             }
         }
     }
 
-    fn fill(&mut self, acting: u32) -> bool {
+    fn tiles(&mut self, phase: Phase, lanes: u32) {
+        let Solve { root, code, lists: Lists { tiling, tiles, .. }, session, .. } = self;
+        for number in tiling.phase(phase) {
+            let stretch = tiling.stretch(number);
+            let part = Part::of(stretch.work.into(), stretch.shape);
+            let call = self.bases[part.op as usize] + part.of as usize;
+            while session.run_each(call, [0, lanes], tiles.list(number)).is_none() {
+                bind((root, code), session, part, call);
+            }
+        }
+    }
+
+    fn fill(&mut self, acting: u32) -> part::Factor {
+        let Solve { root, code, rows, lists, .. } = self;
+        if !code.tables.tiles.is_empty() {
+            let joined = self.cross && lists.find((root, code), rows, acting, L::WIDTH).expect(COMPILED);
+            return if joined { part::Factor::Tiles } else { part::Factor::Tree };
+        }
+        if self.fill_pattern(acting) { part::Factor::Filled } else { part::Factor::Tree }
+    }
+}
+
+impl<L: Block> Solve<'_, L> {
+    /// Chooses a pattern; whether it is a filled one.
+    fn fill_pattern(&mut self, acting: u32) -> bool {
         if let Some((known, filled)) = self.chosen
             && known == acting
         {
             return filled;
         }
-        let Solve { root, code, rows, found, factor, whole, joining, cross, .. } = self;
+        let Solve { root, code, rows, lists, factor, whole, joining, cross, .. } = self;
         if !*cross {
             return false;
         }
         let filled = *joining & acting != 0 || rows.iter().any(|row| joins(&code.tables, row, acting));
-        *factor = pattern((root, code), found, (rows, *joining), acting).unwrap_or(*whole);
+        *factor = pattern((root, code), &mut lists.filled, (rows, *joining), acting).unwrap_or(*whole);
         self.chosen = Some((acting, filled));
         filled
     }

@@ -13,7 +13,7 @@ use lanesim_kernels::solver;
 use lanesim_kernels::stage::{Stage, Stages};
 use lanesim_kernels::state::{Applied, BlockStatus, State};
 use lanesim_kernels::workspace::Workspace;
-use wide::f64x8;
+use wide::{f32x16, f64x8};
 
 use lanesim_kernels::step;
 
@@ -341,6 +341,50 @@ fn code_that_is_swapped_leaves_no_calls_behind() {
     Executor::<f64x8>::vary(&mut used, model.tables(), set);
     assert_eq!(place.run(&model, &mut used, Some(&varied)), expected);
     assert_ne!(light, expected);
+}
+
+/// Steps of a block from a random state by the kernels: bits of the last one's positions and accelerations, and whether trees touched.
+fn bits_of<L: LaneQuery>(tables: &Tables<L::Real>) -> (Vec<u64>, bool) {
+    let (mut state, mut ws) = stepped::<L>(tables, &mut Random(11));
+    let mut status = BlockStatus { alive: ((1_u64 << L::WIDTH) - 1) as u32, ..BlockStatus::default() };
+    let mut touched = false;
+    for _ in 0..60 {
+        let mut run = Run {
+            applied: None,
+            varied: None,
+            clock: None,
+            max_contacts: 1024,
+            convex: &SupportCollider,
+            stages: Stages::STEP,
+            residual: false,
+            executor: &mut Kernels,
+            keep: false,
+        };
+        step::step(tables, &mut state, &mut run, &mut status, &mut ws);
+        touched |= ws.constraint.cross;
+    }
+    let all = state.qpos.iter().chain(&state.qacc_warmstart);
+    (all.flat_map(|x| (0..L::WIDTH).map(|lane| x.get(lane).bits())).collect(), touched)
+}
+
+/// Tiles are another storage of the same factor: no bit depends on them.
+#[test]
+fn tiles_leave_the_bits_of_the_skyline() {
+    for name in ["capsule_pile", "box_stack"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("models/zoo/{name}.xml"));
+        let model = Model::from_xml_path(&path, &LoadOptions::default()).expect("a model");
+        fn plain<T: Clone>(tables: &Tables<T>) -> Tables<T> {
+            let mut plain = tables.clone();
+            assert!(!plain.tiles.is_empty());
+            (plain.tiles, plain.sizes.ntile, plain.sizes.npanel) = Default::default();
+            plain
+        }
+        let (tables, tables_f32) = (model.tables(), model.tables_f32());
+        let (with, touched) = bits_of::<f64x8>(tables);
+        assert!(touched, "{name}: no trees touch");
+        assert!(with == bits_of::<f64x8>(&plain(tables)).0, "{name} in f64");
+        assert!(bits_of::<f32x16>(tables_f32).0 == bits_of::<f32x16>(&plain(tables_f32)).0, "{name} in f32");
+    }
 }
 
 /// Code of a part that would not stay in the cache is not made, whatever part that is.

@@ -8,7 +8,7 @@
 
 use super::Body;
 use super::single::{Point, Points};
-use crate::lane::Scalar;
+use crate::lane::{Lane, LaneQuery, Real, Scalar};
 use crate::math::vec3::{Mat3, Vec3, add, column, dot, mul, mul_t, neg, scale, scale_add, sub, zero};
 
 /// An edge pair's direction within this cosine of the best face's ...
@@ -20,38 +20,85 @@ const EDGE_GAIN: f64 = 0.05;
 const SAME_CORNER: f64 = 16.0;
 
 /// A direction that separates, or overlaps least.
-struct Axis<R> {
+#[derive(Clone, Copy, Debug)]
+struct Axis<L> {
     /// Separation along it, negative: overlap.
-    separation: R,
+    separation: L,
     /// Which: 0-2 faces of the first box, 3-5 of the second; or 3 i + j for the edges i and j.
-    index: usize,
+    index: L,
     /// Direction from the first box to the second, in the first box's axes; of edge pairs only.
-    direction: Vec3<R>,
+    direction: Vec3<L>,
+}
+
+impl<L: Lane> Axis<L> {
+    fn none() -> Self {
+        Axis { separation: L::of(-L::Real::MAXVAL), index: L::zero(), direction: zero() }
+    }
+
+    /// The other in the worlds of the mask.
+    fn or(self, mask: L::Mask, other: Axis<L>) -> Self {
+        let pick = |a: L, b: L| L::select(mask, a, b);
+        Axis {
+            separation: pick(other.separation, self.separation),
+            index: pick(other.index, self.index),
+            direction: std::array::from_fn(|k| pick(other.direction[k], self.direction[k])),
+        }
+    }
 }
 
 /// The second box as the first one sees it.
-struct Relative<R> {
-    pos: Vec3<R>,
-    rot: Mat3<R>,
+#[derive(Clone, Copy, Debug)]
+struct Relative<L> {
+    pos: Vec3<L>,
+    rot: Mat3<L>,
 }
 
-fn relative<R: Scalar>(a: &Body<R>, b: &Body<R>) -> Relative<R> {
+fn relative<L: Lane>(a: &Body<L>, b: &Body<L>) -> Relative<L> {
     let rot = std::array::from_fn(|k| dot(&column(&a.rot, k / 3), &column(&b.rot, k % 3)));
     Relative { pos: mul_t(&a.rot, &sub(&b.pos, &a.pos)), rot }
 }
 
 /// Lengths below this compare as equal: a few roundings of the boxes' sizes.
-fn slack<R: Scalar>(a: &Body<R>, b: &Body<R>) -> R {
-    let largest = |s: &Vec3<R>| s[0].max(s[1]).max(s[2]);
-    (largest(&a.size) + largest(&b.size)) * R::of(32.0 * R::EPSILON)
+fn slack<L: Lane>(a: &Body<L>, b: &Body<L>) -> L {
+    let largest = |s: &Vec3<L>| s[0].max(s[1]).max(s[2]);
+    (largest(&a.size) + largest(&b.size)) * L::of(32.0 * L::Real::EPSILON)
+}
+
+/// What decides how two boxes touch, which does without branches: all worlds of a block at once.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Axes<L> {
+    to: Relative<L>,
+    face: Axis<L>,
+    edges: Axis<L>,
+}
+
+impl<L: Lane> Axes<L> {
+    /// That of two boxes.
+    pub fn new(a: &Body<L>, b: &Body<L>) -> Self {
+        let to = relative(a, b);
+        Axes { face: best_face(a, b, &to), edges: best_edges(a, b, &to), to }
+    }
+}
+
+impl<L: LaneQuery> Axes<L> {
+    /// That of one world.
+    pub fn lane(&self, i: usize) -> Axes<L::Real> {
+        let axis = |axis: &Axis<L>| Axis {
+            separation: axis.separation.get(i),
+            index: axis.index.get(i),
+            direction: axis.direction.map(|x| x.get(i)),
+        };
+        let to = Relative { pos: self.to.pos.map(|x| x.get(i)), rot: self.to.rot.map(|x| x.get(i)) };
+        Axes { to, face: axis(&self.face), edges: axis(&self.edges) }
+    }
 }
 
 /// The face normal that separates most; the first of those that are equal up to rounding.
-fn best_face<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>) -> Axis<R> {
+fn best_face<L: Lane>(a: &Body<L>, b: &Body<L>, to: &Relative<L>) -> Axis<L> {
     let back = mul_t(&to.rot, &to.pos);
-    let reach = |s: &Vec3<R>, along: Vec3<R>| dot(s, &along.map(R::abs));
+    let reach = |s: &Vec3<L>, along: Vec3<L>| dot(s, &along.map(L::abs));
     let slack = slack(a, b);
-    let mut best = Axis { separation: R::of(-R::MAXVAL), index: 0, direction: zero() };
+    let mut best = Axis::none();
     for index in 0..6 {
         let k = index % 3;
         let separation = if index < 3 {
@@ -60,16 +107,15 @@ fn best_face<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>) -> Axis<R> {
         } else {
             back[k].abs() - b.size[k] - reach(&a.size, column(&to.rot, k))
         };
-        if separation > best.separation + slack {
-            best = Axis { separation, index, direction: zero() };
-        }
+        let better = separation.gt(best.separation + slack);
+        best = best.or(better, Axis { separation, index: L::of(index as f64), direction: zero() });
     }
     best
 }
 
 /// The product of edges that separates most; edges that are nearly parallel have none.
-fn best_edges<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>) -> Axis<R> {
-    let mut best = Axis { separation: R::of(-R::MAXVAL), index: 0, direction: zero() };
+fn best_edges<L: Lane>(a: &Body<L>, b: &Body<L>, to: &Relative<L>) -> Axis<L> {
+    let mut best = Axis::none();
     for index in 0..9 {
         let (i, j) = (index / 3, index % 3);
         let (i1, i2, j1, j2) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
@@ -78,19 +124,16 @@ fn best_edges<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>) -> Axis<R> 
         axis[i1] = -to.rot[3 * i2 + j];
         axis[i2] = to.rot[3 * i1 + j];
         let square = dot(&axis, &axis);
-        if square < R::of(64.0 * R::EPSILON) {
-            continue;
-        }
+        let parallel = square.lt(L::of(64.0 * L::Real::EPSILON));
         let along = dot(&axis, &to.pos);
         let reach1 = a.size[i1].mul_add(axis[i1].abs(), a.size[i2] * axis[i2].abs());
         // The second box's other two axes along it: e_i · (c_j × c_j1) = ± c_j2 along e_i.
         let reach2 = b.size[j1].mul_add(to.rot[3 * i + j2].abs(), b.size[j2] * to.rot[3 * i + j1].abs());
-        let inverse = R::one() / square.sqrt();
+        let inverse = L::one() / square.sqrt();
         let separation = (along.abs() - reach1 - reach2) * inverse;
-        if separation > best.separation {
-            let sign = if along < R::zero() { -inverse } else { inverse };
-            best = Axis { separation, index, direction: scale(sign, &axis) };
-        }
+        let sign = L::select(along.lt(L::zero()), -inverse, inverse);
+        let found = Axis { separation, index: L::of(index as f64), direction: scale(sign, &axis) };
+        best = best.or(!parallel & separation.gt(best.separation), found);
     }
     best
 }
@@ -101,30 +144,27 @@ fn agreement<R: Scalar>(to: &Relative<R>, face: usize, edges: &Axis<R>) -> R {
 }
 
 /// The points within `include`.
-pub(super) fn boxes<R: Scalar>(a: &Body<R>, b: &Body<R>, include: R, points: &mut Points<R>) {
-    let to = relative(a, b);
-    let face = best_face(a, b, &to);
-    if face.separation > include {
+pub(super) fn boxes<R: Scalar>(a: &Body<R>, b: &Body<R>, axes: &Axes<R>, include: R, points: &mut Points<R>) {
+    let Axes { to, face, edges } = axes;
+    if face.separation > include || edges.separation > include {
         return;
     }
-    let edges = best_edges(a, b, &to);
-    if edges.separation > include {
-        return;
-    }
-    let same = agreement(&to, face.index, &edges) > R::of(SAME_DIRECTION);
+    let of_face = face.index.to_f64() as usize;
+    let same = agreement(to, of_face, edges) > R::of(SAME_DIRECTION);
     let least = if same { face.separation.abs() * R::of(EDGE_GAIN) } else { R::zero() };
     if edges.separation > face.separation + least + slack(a, b) {
-        points.push(crossing(a, b, &to, &edges));
-    } else if face.index < 3 {
-        clipped(a, b, face.index, include, false, points);
+        points.push(crossing(a, b, to, edges));
+    } else if of_face < 3 {
+        clipped((a, b, to), of_face, include, false, points);
     } else {
-        clipped(b, a, face.index - 3, include, true, points);
+        clipped((b, a, &relative(b, a)), of_face - 3, include, true, points);
     }
 }
 
 /// The nearest points of the two edges that face each other along the direction (Ericson, §5.1.9).
 fn crossing<R: Scalar>(a: &Body<R>, b: &Body<R>, to: &Relative<R>, edges: &Axis<R>) -> Point<R> {
-    let (i, j) = (edges.index / 3, edges.index % 3);
+    let index = edges.index.to_f64() as usize;
+    let (i, j) = (index / 3, index % 3);
     let normal = edges.direction;
     let toward = |x: R, size: R| if x < R::zero() { -size } else { size };
     // Midpoints of the edges, in the first box's axes.
@@ -169,12 +209,20 @@ impl<R: Scalar> Polygon<R> {
         }
     }
 
-    /// The part where `sign` times coordinate k is at most `limit`.
-    fn clip(&self, k: usize, sign: R, limit: R, slack: R) -> Polygon<R> {
+    /// Leaves the part where `sign` times coordinate k is at most `limit`.
+    fn clip(&mut self, k: usize, sign: R, limit: R, slack: R) {
+        let mut beyond = [R::zero(); 8];
+        for (f, p) in beyond.iter_mut().zip(&self.corners[..self.len]) {
+            *f = sign.mul_add(p[k], -limit);
+        }
+        if beyond[..self.len].iter().all(|f| *f <= slack) {
+            return;
+        }
         let mut out = Polygon { len: 0, same: self.same, corners: [zero(); 8] };
         for c in 0..self.len {
-            let (p, q) = (&self.corners[c], &self.corners[(c + 1) % self.len]);
-            let (fp, fq) = (sign.mul_add(p[k], -limit), sign.mul_add(q[k], -limit));
+            let next = if c + 1 == self.len { 0 } else { c + 1 };
+            let (p, q) = (&self.corners[c], &self.corners[next]);
+            let (fp, fq) = (beyond[c], beyond[next]);
             if fp <= slack {
                 out.push(*p);
             }
@@ -182,14 +230,19 @@ impl<R: Scalar> Polygon<R> {
                 out.push(scale_add(fp / (fp - fq), &sub(q, p), p));
             }
         }
-        out
+        *self = out;
     }
 }
 
 /// The face of `other` that opposes face `k` of `base`, clipped to that face's sides: a point for every corner within
 /// `include`, midway between the corner and the face. `swapped`: `base` is the pair's second box.
-fn clipped<R: Scalar>(base: &Body<R>, other: &Body<R>, k: usize, include: R, swapped: bool, points: &mut Points<R>) {
-    let to = relative(base, other);
+fn clipped<R: Scalar>(
+    (base, other, to): (&Body<R>, &Body<R>, &Relative<R>),
+    k: usize,
+    include: R,
+    swapped: bool,
+    points: &mut Points<R>,
+) {
     let sign = if to.pos[k] < R::zero() { -R::one() } else { R::one() };
     let row = [to.rot[3 * k], to.rot[3 * k + 1], to.rot[3 * k + 2]];
     let mut j = 0;
@@ -210,7 +263,7 @@ fn clipped<R: Scalar>(base: &Body<R>, other: &Body<R>, k: usize, include: R, swa
     }
     for side in [(k + 1) % 3, (k + 2) % 3] {
         for sign in [R::one(), -R::one()] {
-            polygon = polygon.clip(side, sign, base.size[side], slack);
+            polygon.clip(side, sign, base.size[side], slack);
         }
     }
     let mut normal = zero();

@@ -241,15 +241,18 @@ impl<L: LaneQuery> Collision<L> {
         let worlds = L::mask_of(near.worlds);
         match shapes(&model, near.pair) {
             (Shape::Capsule, Shape::Box) => {
-                single::each(a, b, worlds, |a, b, points| capsule_box::capsule_box(a, b, include, points), emit);
+                single::each(a, b, worlds, |_, [a, b], points| capsule_box::capsule_box(a, b, include, points), emit);
             }
             (Shape::Box, Shape::Box) => {
-                single::each(a, b, worlds, |a, b, points| boxes::boxes(a, b, include, points), emit)
+                let axes = boxes::Axes::new(a, b);
+                let collide = |i, [a, b]: [&_; 2], points: &mut _| boxes::boxes(a, b, &axes.lane(i), include, points);
+                single::each(a, b, worlds, collide, emit);
             }
             _ => {
                 let outlines = outlines(&model, near.pair);
-                let collide =
-                    |a: &_, b: &_, points: &mut _| single::convex(convex, outlines, (a, b), include, most, points);
+                let collide = |_, [a, b]: [&_; 2], points: &mut _| {
+                    single::convex(convex, outlines, (a, b), include, most, points)
+                };
                 single::each(a, b, worlds, collide, emit);
             }
         }

@@ -55,12 +55,12 @@ fn lane<L: LaneQuery>(body: &Body<L>, i: usize) -> Body<L::Real> {
     Body { pos: body.pos.map(|x| x.get(i)), rot: body.rot.map(|x| x.get(i)), size: body.size.map(|x| x.get(i)) }
 }
 
-/// Runs `collide` for every lane of `near` and emits its points.
+/// Runs `collide` for every lane of `near`, by its number, and emits its points.
 pub(super) fn each<L: LaneQuery>(
     a: &Body<L>,
     b: &Body<L>,
     near: L::Mask,
-    mut collide: impl FnMut(&Body<L::Real>, &Body<L::Real>, &mut Points<L::Real>),
+    mut collide: impl FnMut(usize, [&Body<L::Real>; 2], &mut Points<L::Real>),
     emit: &mut dyn FnMut(u32, Candidate<L>, L::Mask),
 ) {
     let (z, one) = (L::zero(), L::one());
@@ -71,7 +71,7 @@ pub(super) fn each<L: LaneQuery>(
     let near = L::bits(near);
     for i in (0..L::WIDTH).filter(|i| near >> i & 1 != 0) {
         let mut points = Points::default();
-        collide(&lane(a, i), &lane(b, i), &mut points);
+        collide(i, [&lane(a, i), &lane(b, i)], &mut points);
         for (p, point) in points.as_slice().iter().enumerate() {
             exists[p] |= 1 << i;
             candidates[p].dist.set(i, point.dist);

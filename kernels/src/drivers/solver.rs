@@ -5,8 +5,8 @@ use crate::constraint::ContactRow;
 use crate::lane::{LaneQuery, Real};
 use crate::model::Sides;
 use crate::options::{self, Options};
-use crate::part::{Executor, OneByOne, Op, Part, Parts, Step};
-use crate::solver::{self, Arrival, Solver, Statistics, Trial, pgs};
+use crate::part::{Executor, Factor, OneByOne, Op, Part, Parts, Step};
+use crate::solver::{self, Arrival, Phase, Solver, Statistics, Trial, pgs};
 
 /// All worlds of a block.
 const ALL: u32 = u32::MAX;
@@ -99,7 +99,7 @@ fn iterate<L: LaneQuery>(options: &Options, open: u32, parts: &mut dyn Parts) ->
     let conjugate = options.solver == options::Solver::Cg;
     let mut open = open & !converged;
     let mut landed = 0;
-    let mut filled = false;
+    let mut factor = Factor::Tree;
     let mut niter = L::zero();
     let mut rounds = 0;
     while open != 0 && rounds < options.iterations {
@@ -107,7 +107,7 @@ fn iterate<L: LaneQuery>(options: &Options, open: u32, parts: &mut dyn Parts) ->
         if conjugate {
             parts.run(Part::of(Op::Conjugate, u32::from(rounds == 0)), [0, open]);
         } else {
-            filled = direct::<L>(open, parts);
+            factor = direct::<L>(open, parts);
         }
         parts.each(Op::Approach, open, [0, open]);
         let full = search(options, open, parts);
@@ -120,7 +120,7 @@ fn iterate<L: LaneQuery>(options: &Options, open: u32, parts: &mut dyn Parts) ->
     // the factor at their solution for the lanes that took a full step within one quadratic piece.
     let ahead = if !conjugate && L::Real::EPSILON > 1e-10 { landed } else { 0 };
     if ahead != 0 {
-        parts.run(Part::of(Op::Polish, u32::from(filled)), [ahead; 2]);
+        polish(factor, ahead, parts);
     }
     Outcome { open, niter, rounds, ahead }
 }
@@ -135,20 +135,40 @@ fn start(parts: &mut dyn Parts) {
 
 /// Newton's direction in the worlds of `open`, and what follows from it. Contacts that act only in worlds that no longer iterate are
 /// passed over; in single precision not for the Hessian, whose factor is used once more, for worlds that no longer iterate.
-/// Returns whether the factor is on a filled pattern.
-fn direct<L: LaneQuery>(open: u32, parts: &mut dyn Parts) -> bool {
+/// Returns how the Hessian is factored.
+fn direct<L: LaneQuery>(open: u32, parts: &mut dyn Parts) -> Factor {
     let factored = if L::Real::EPSILON > 1e-10 { ALL } else { open };
     let couples = |row: &ContactRow| row.sides != Sides::One && row.lanes & factored != 0;
     parts.each(Op::Stiffen, factored, [0, open]);
-    let filled = parts.fill(factored);
-    if !filled && !parts.rows().iter().any(couples) {
+    let factor = parts.fill(factored);
+    if factor == Factor::Tiles {
+        parts.run(Part::new(Op::Spread), [open; 2]);
+        parts.tiles(Phase::Couple, open);
+        parts.run(Part::new(Op::Aim), [open; 2]);
+        parts.tiles(Phase::Factor, open);
+        parts.tiles(Phase::Solve, open);
+        parts.run(Part::new(Op::Motion), [open; 2]);
+        return factor;
+    }
+    if factor == Factor::Tree && !parts.rows().iter().any(couples) {
         parts.run(Part::new(Op::Turn), [open; 2]);
-        return false;
+        return factor;
     }
     parts.run(Part::new(Op::Curve), [open; 2]);
     parts.each(Op::Couple, factored, [0, open]);
-    parts.run(Part::of(Op::Descend, u32::from(filled)), [open; 2]);
-    filled
+    parts.run(Part::of(Op::Descend, u32::from(factor == Factor::Filled)), [open; 2]);
+    factor
+}
+
+/// One more step from the factor at hand.
+fn polish(factor: Factor, ahead: u32, parts: &mut dyn Parts) {
+    if factor == Factor::Tiles {
+        parts.run(Part::new(Op::Aim), [ahead; 2]);
+        parts.tiles(Phase::Solve, ahead);
+        parts.run(Part::new(Op::Settle), [ahead; 2]);
+    } else {
+        parts.run(Part::of(Op::Polish, u32::from(factor == Factor::Filled)), [ahead; 2]);
+    }
 }
 
 /// Finds the step along the search direction to the minimum, in the worlds of `open`. Returns those that take a full step on

@@ -12,6 +12,7 @@ mod pattern;
 mod sensors;
 mod tables;
 mod tendon;
+mod tiles;
 mod varied;
 
 pub use cast::{Cast, Representable};
@@ -20,6 +21,7 @@ pub use pattern::{Pattern, Rows};
 pub use sensors::{Bound, Sensor, SensorKind, Target};
 pub use tables::*;
 pub use tendon::{Passes, Round, Stretch, StretchDof, Tendon, TendonDof};
+pub use tiles::{LONGEST, Patch, Tiles};
 pub use varied::{Instance, Quantities, Quantity, Varied};
 
 use std::sync::Arc;
@@ -82,6 +84,10 @@ pub struct Sizes {
     pub nslot: usize,
     /// Entries of the inertia matrix's storage (see [`Rows`]).
     pub nm: usize,
+    /// Entries of the tiles of the Hessian, if it has any (see [`Tiles`]).
+    pub ntile: usize,
+    /// Entries of the multipliers of a strip's.
+    pub npanel: usize,
     /// Links of a model whose accelerations are found without that matrix, else 0.
     pub narticulated: usize,
     /// Equality constraints, as MJCF has them.
@@ -218,6 +224,8 @@ pub struct Model<T> {
     pub targets: Vec<Target<T>>,
     /// Storage of the inertia matrix and of the solver's Hessian.
     pub rows: Rows,
+    /// Storage of the Hessian where trees touch.
+    pub tiles: Tiles,
     /// Sparsity of the inertia matrix: row `i` has the ancestors of dof `i`.
     pub tree_pattern: Pattern,
     /// Σ over dofs of the inertia matrix's diagonal in the reference configuration divided by nv (`stat.meaninertia`).
@@ -297,6 +305,7 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             sensors: self.sensors.cast(),
             targets: self.targets.cast(),
             rows: self.rows.clone(),
+            tiles: self.tiles.clone(),
             tree_pattern: self.tree_pattern.clone(),
             mean_inertia: self.mean_inertia.cast(),
             qpos0: self.qpos0.cast(),

@@ -6,6 +6,7 @@ use super::{Family, Item, Op, Part, Step};
 use crate::constraint::ContactRow;
 use crate::lane::LaneQuery;
 use crate::model::{Model, Quantities, Sides};
+use crate::solver::{Phase, Work};
 
 /// Runs parts for a block: here by their kernels over lanes; whoever has code for some runs that, with the same results up to
 /// signs of zeros.
@@ -50,8 +51,21 @@ pub trait Parts {
     /// Runs a part for the listed contacts that act in some world of `acting` and have it: those [in order](Op::in_order), then class
     /// by class.
     fn each(&mut self, op: Op, acting: u32, masks: [u32; 2]);
-    /// Makes the factor's pattern fit for contacts that act in some world of `acting`; whether it is a filled one.
-    fn fill(&mut self, acting: u32) -> bool;
+    /// Makes the factor fit for contacts that act in some world of `acting`.
+    fn fill(&mut self, acting: u32) -> Factor;
+    /// Works on the tiles of the Hessian, for which the factor was last made fit.
+    fn tiles(&mut self, phase: Phase, lanes: u32);
+}
+
+/// How the Hessian is factored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Factor {
+    /// On the inertia matrix's pattern.
+    Tree,
+    /// On a filled pattern.
+    Filled,
+    /// By tiles.
+    Tiles,
 }
 
 /// No code: kernels do everything.
@@ -73,6 +87,7 @@ impl<'a, 's, L: LaneQuery> OneByOne<'a, 's, L> {
     /// Those of a step.
     pub fn run(executor: &'a mut dyn Executor<L>, step: &'a mut Step<'s, L>, run: &mut dyn FnMut(&mut dyn Parts)) {
         let rows = std::mem::take(&mut step.ws.constraint.contact_rows);
+        step.ws.solver.tiling.begin();
         let mut parts = OneByOne { executor, step, rows, filled: None };
         run(&mut parts);
         parts.step.ws.constraint.contact_rows = parts.rows;
@@ -139,18 +154,40 @@ impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
         }
     }
 
-    fn fill(&mut self, acting: u32) -> bool {
+    fn fill(&mut self, acting: u32) -> Factor {
         let OneByOne { step, rows, filled, .. } = self;
         let model = step.model.model;
+        if !model.tiles.is_empty() {
+            let (joined, _) = step.ws.solver.tiling.find(model, rows, acting);
+            return if joined { Factor::Tiles } else { Factor::Tree };
+        }
         let joins = |row: &&ContactRow| row.lanes & acting != 0 && model.pairs[row.pair as usize].cross;
         let constraint = &step.ws.constraint;
         let joined = || constraint.equality.cross & acting != 0 || rows.iter().any(|row| joins(&row));
         if !constraint.cross || !joined() {
-            return false;
+            return Factor::Tree;
         }
         if filled.replace(acting) != Some(acting) {
             step.ws.solver.fill.find(model, rows.iter().filter(joins).map(|row| row.pair));
         }
-        true
+        Factor::Filled
+    }
+
+    fn tiles(&mut self, phase: Phase, _: u32) {
+        let OneByOne { executor, step, rows, .. } = self;
+        let (model, tiling) = (step.model.model, std::mem::take(&mut step.ws.solver.tiling));
+        for stretch in tiling.phase(phase).map(|number| tiling.stretch(number)) {
+            let part = Part::of(stretch.work.into(), stretch.shape);
+            if stretch.work == Work::Couple {
+                let patches = tiling.patches[stretch.items.range()].iter();
+                let item =
+                    |[_, row, patch]: &[u32; 3]| Item::Patch(&rows[*row as usize], model.tiles.patch(*patch as usize));
+                executor.each(part, &mut patches.map(item), 0, step);
+            } else {
+                let tiles = tiling.tiles[stretch.items.range()].iter();
+                executor.each(part, &mut tiles.map(Item::Tile), 0, step);
+            }
+        }
+        step.ws.solver.tiling = tiling;
     }
 }

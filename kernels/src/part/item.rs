@@ -2,7 +2,8 @@
 
 use crate::collision::Near;
 use crate::constraint::{ContactRow, first_dof};
-use crate::model::{Model, NONE, Quantity, Sides};
+use crate::model::{Model, NONE, Patch, Quantity, Sides, Span};
+use crate::solver::Tile;
 
 use super::step::Name;
 
@@ -15,6 +16,10 @@ pub enum Item<'a> {
     Near(&'a Near),
     /// A contact.
     Row(&'a ContactRow),
+    /// A tile of the Hessian.
+    Tile(&'a Tile),
+    /// A contact, and a tile to which it adds.
+    Patch(&'a ContactRow, &'a Patch),
 }
 
 /// Number of columns: of starts of an item's windows.
@@ -35,9 +40,9 @@ impl Item<'_> {
     /// The pair, if it is of one.
     pub fn pair(&self) -> Option<u32> {
         match self {
-            Item::Whole => None,
+            Item::Whole | Item::Tile(_) => None,
             Item::Near(near) => Some(near.pair),
-            Item::Row(row) => Some(row.pair),
+            Item::Row(row) | Item::Patch(row, _) => Some(row.pair),
         }
     }
 
@@ -45,7 +50,7 @@ impl Item<'_> {
     pub fn worlds(&self) -> u32 {
         match self {
             Item::Near(near) => near.worlds,
-            Item::Whole | Item::Row(_) => u32::MAX,
+            Item::Whole | Item::Row(_) | Item::Tile(_) | Item::Patch(..) => u32::MAX,
         }
     }
 
@@ -56,6 +61,13 @@ impl Item<'_> {
         let shared = |quantity: Quantity, i: u32| stride(quantity, width) * i as usize;
         match self {
             Item::Whole => [0; COLUMNS],
+            Item::Tile(Tile { target, source, panel, dofs: [own, other] }) => {
+                columns([target.start, source.start, panel.start, own.start, other.start])
+            }
+            Item::Patch(row, patch) => {
+                let [rows, of_columns] = [patch.rows, patch.columns].map(|run| row.jacobian + row.dim * run.start);
+                columns([7 * row.strength, patch.target, row.component, rows, of_columns])
+            }
             Item::Near(near) => {
                 let pair = &model.pairs[near.pair as usize];
                 let [[pos1, rot1, origin1], [pos2, rot2, origin2]] = [pair.link1, pair.link2].map(|link| {
@@ -94,7 +106,29 @@ impl Item<'_> {
     /// Its windows into a field; none: it sees all of the field.
     pub fn windows<T>(&self, model: &Model<T>, [stage, name]: Name) -> Vec<Window> {
         let quantity = |quantity: Quantity, column: usize| vec![(column, quantity.width())];
+        let spans = |windows: &[(usize, Span)]| {
+            let there = windows.iter().filter(|(_, span)| span.len > 0);
+            there.map(|(column, span)| (*column, span.len as usize)).collect()
+        };
         match (self, stage, name) {
+            (Item::Tile(Tile { target, source, panel, dofs: [own, other] }), ..) => match (stage, name) {
+                ("solver", "tiles") => spans(&[(0, *target), (1, *source)]),
+                ("solver", "panel") => spans(&[(2, *panel)]),
+                ("solver", "inverse" | "multipliers") => spans(&[(3, *own)]),
+                ("solver", "search") if own != other => spans(&[(3, *own), (4, *other)]),
+                ("solver", "search") => spans(&[(3, *own)]),
+                _ => vec![],
+            },
+            (Item::Patch(row, patch), ..) => match (stage, name) {
+                ("constraint", "strengths") => vec![(0, 7)],
+                ("solver", "tiles") => vec![(1, patch.extent())],
+                ("solver", "y.component") => vec![(2, row.dim as usize)],
+                ("constraint", "jacobian") => {
+                    let of = [(3, patch.rows), (4, patch.columns)].into_iter().take(2 - usize::from(patch.diagonal()));
+                    of.map(|(column, run)| (column, (row.dim * run.len) as usize)).collect()
+                }
+                _ => vec![],
+            },
             (Item::Near(near), ..) => {
                 let pair = &model.pairs[near.pair as usize];
                 let moving = |len: usize, columns: [usize; 2]| {
@@ -173,6 +207,16 @@ fn sides<T>(row: &ContactRow, model: &Model<T>) -> [usize; 6] {
     }
     let other = if row.other == NONE { 0 } else { row.other };
     [6 * row.link as usize, 6 * other as usize, 21 * row.link as usize, 0, 0, 0]
+}
+
+/// The first columns.
+#[inline(always)]
+fn columns(first: [u32; 5]) -> Starts {
+    let mut starts = [0; COLUMNS];
+    for (start, first) in starts.iter_mut().zip(first) {
+        *start = first as usize;
+    }
+    starts
 }
 
 /// Numbers from an element's first to the next one's, of a quantity that worlds share: whole blocks of `width`.

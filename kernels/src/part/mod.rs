@@ -9,7 +9,7 @@ mod executor;
 mod item;
 mod step;
 
-pub use executor::{Executor, Kernels, OneByOne, Parts};
+pub use executor::{Executor, Factor, Kernels, OneByOne, Parts};
 pub use item::{COLUMNS, Item, KIND_COLUMNS, Starts, WINDOWS, Window, stride};
 pub use step::{Group, Lanes, Name, Step, Threes};
 
@@ -18,7 +18,7 @@ use crate::constraint::ContactRow;
 use crate::lane::{Lane, LaneQuery};
 use crate::model::{Model, Quantities, Quantity};
 use crate::options::Integrator;
-use crate::solver::{Arrival, Problem, SolverWork, Trial, contact};
+use crate::solver::{Arrival, Problem, Solver, SolverWork, Tile, Trial, Work, contact};
 use crate::stage::Stage;
 use crate::workspace::Workspace;
 use crate::{collision, constraint, energy, integration, sensor, smooth, solver};
@@ -49,6 +49,10 @@ pub enum Family {
     Couple,
     /// Kinds of contacts ([`constraint::Classes`]).
     Kind,
+    /// Tiles of the Hessian, by the lengths of so many strips.
+    Tiles(Work),
+    /// Tiles to which contacts add, by their shapes.
+    Patches,
 }
 
 macro_rules! parts {
@@ -249,6 +253,73 @@ parts! {
             let (problem, _, work) = step.solver();
             solver::polish(&problem, part.of == 1, open, work);
         };
+    /// [`solver::curve`], then [`solver::spread`]: where trees touch.
+    Spread: "solver.spread", Solver, WHOLE, 0 => 0, shared [], changes ["solver.tiles", "solver.stiffness"],
+        |_, step, _, _| {
+            let (problem, _, work) = step.solver();
+            solver::curve(&problem, work);
+            solver::spread(&problem, work);
+        };
+    /// [`solver::aim`].
+    Aim: "solver.aim", Solver, WHOLE, 0 => 0, shared [], changes ["solver.multipliers", "solver.search"],
+        |_, step, _, _| {
+            let (problem, _, work) = step.solver();
+            solver::aim(&problem, &mut work.fields);
+        };
+    /// [`solver::motion`].
+    Motion: "solver.motion", Solver, WHOLE, 0 => 0, shared [],
+        changes ["solver.msearch", "solver.twist", "solver.line", "solver.jp.dof", "solver.jp.equality"],
+        |_, step, _, _| {
+            let (problem, _, work) = step.solver();
+            solver::motion(&problem, work);
+        };
+    /// [`solver::settle`].
+    Settle: "solver.settle", Solver, WHOLE, 1 => 0, shared [],
+        changes ["solver.qacc", "solver.ma", "solver.qfrc_constraint"],
+        |_, step, _, (open, _)| {
+            let (problem, _, work) = step.solver();
+            solver::settle(&problem, open, &mut work.fields);
+        };
+    /// [`solver::clear`].
+    Clear: "tile.clear", Solver, Family::Tiles(Work::Clear), 0 => 0, shared [], changes ["solver.tiles"],
+        |_, step, item, _| tile(step, item, solver::clear);
+    /// [`solver::couple_tile`].
+    Join: "tile.couple", Solver, Family::Patches, 0 => 0, shared [], changes ["solver.tiles"],
+        |_, step, item, _| {
+            if let Item::Patch(row, patch) = item {
+                let (problem, _, work) = step.solver();
+                solver::couple_tile(&problem, row, patch, work);
+            }
+        };
+    /// [`solver::pivot`].
+    Pivot: "tile.pivot", Solver, Family::Tiles(Work::Pivot), 0 => 0, shared [],
+        changes ["solver.tiles", "solver.inverse"],
+        |_, step, item, _| tile(step, item, solver::pivot);
+    /// [`solver::panel`].
+    Panel: "tile.panel", Solver, Family::Tiles(Work::Panel), 0 => 0, shared [],
+        changes ["solver.tiles", "solver.panel"],
+        |_, step, item, _| tile(step, item, solver::panel);
+    /// [`solver::eliminate`] on the diagonal.
+    Square: "tile.square", Solver, Family::Tiles(Work::Square), 0 => 0, shared [], changes ["solver.tiles"],
+        |_, step, item, _| tile(step, item, |tile, solver| solver::eliminate(tile, true, solver));
+    /// [`solver::eliminate`].
+    Eliminate: "tile.eliminate", Solver, Family::Tiles(Work::Eliminate), 0 => 0, shared [], changes ["solver.tiles"],
+        |_, step, item, _| tile(step, item, |tile, solver| solver::eliminate(tile, false, solver));
+    /// [`solver::forward`].
+    Forward: "tile.forward", Solver, Family::Tiles(Work::Forward), 0 => 0, shared [],
+        changes ["solver.search", "solver.multipliers"],
+        |_, step, item, _| tile(step, item, solver::forward);
+    /// [`solver::forward_tile`].
+    ForwardTile: "tile.forward by", Solver, Family::Tiles(Work::ForwardTile), 0 => 0, shared [],
+        changes ["solver.search"],
+        |_, step, item, _| tile(step, item, solver::forward_tile);
+    /// [`solver::backward_tile`].
+    BackwardTile: "tile.backward by", Solver, Family::Tiles(Work::BackwardTile), 0 => 0, shared [],
+        changes ["solver.multipliers"],
+        |_, step, item, _| tile(step, item, solver::backward_tile);
+    /// [`solver::backward`].
+    Backward: "tile.backward", Solver, Family::Tiles(Work::Backward), 0 => 0, shared [], changes ["solver.search"],
+        |_, step, item, _| tile(step, item, solver::backward);
     /// [`solver::probe`], of a full step (1) or of another: lanes that search on, and those whose end a full step is.
     Probe: "solver.probe", Solver, FLAG, 1 => 2, shared [], changes ["solver.line"],
         |part, step, _, (open, put)| {
@@ -317,6 +388,31 @@ fn row<L: Lane>(
     if let Item::Row(row) = item {
         let (problem, _, work) = step.solver();
         kernel(&problem, row, work);
+    }
+}
+
+/// Runs a kernel for a tile.
+#[inline(always)]
+fn tile<L: Lane>(step: &mut Step<'_, L>, item: &Item<'_>, kernel: impl FnOnce(&Tile, &mut Solver<L>)) {
+    if let Item::Tile(tile) = item {
+        kernel(tile, &mut step.ws.solver.fields);
+    }
+}
+
+impl From<Work> for Op {
+    fn from(work: Work) -> Op {
+        match work {
+            Work::Clear => Op::Clear,
+            Work::Couple => Op::Join,
+            Work::Pivot => Op::Pivot,
+            Work::Panel => Op::Panel,
+            Work::Square => Op::Square,
+            Work::Eliminate => Op::Eliminate,
+            Work::Forward => Op::Forward,
+            Work::ForwardTile => Op::ForwardTile,
+            Work::BackwardTile => Op::BackwardTile,
+            Work::Backward => Op::Backward,
+        }
     }
 }
 

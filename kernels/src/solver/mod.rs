@@ -23,6 +23,8 @@ mod primal;
 mod qcqp;
 mod residual;
 mod rows;
+mod tiles;
+mod tiling;
 
 pub use anderson::Anderson;
 pub use cg::conjugate;
@@ -31,10 +33,14 @@ pub use fill::Fill;
 pub use hessian::{couple, couple_row, curve};
 pub use inverse::force_at;
 pub use line::{LINE, Line, Trial, probe};
-pub use newton::{descend, polish};
-pub use primal::{choose, depart};
+pub use newton::{descend, polish, settle};
+pub use primal::{choose, depart, motion};
 pub use residual::measure_residual;
 pub use rows::{Arrival, catch_up, gather};
+pub use tiles::{
+    Tile, aim, backward, backward_tile, clear, couple_tile, eliminate, forward, forward_tile, panel, pivot, spread,
+};
+pub use tiling::{Phase, Stretch, Tiling, Work, prototype};
 
 use crate::acceleration::Acceleration;
 use crate::constraint::{Constraint, grow};
@@ -66,6 +72,10 @@ fields! {
         pub msearch: Vec<L> = sizes.nv,
         /// Hessian, then its factor, stored by `model.rows`.
         pub hessian: Vec<L> = sizes.nm,
+        /// The same where trees touch, by [tiles](crate::model::Tiles).
+        pub tiles: Vec<L> = sizes.ntile,
+        /// Of these, the multipliers of the strip that is eliminated.
+        pub panel: Vec<L> = sizes.npanel,
         /// D⁻¹ of that factor.
         pub inverse: Vec<L> = sizes.nv,
         /// Scratch.
@@ -173,6 +183,8 @@ pub struct SolverWork<L> {
     pub past: anderson::Anderson<L>,
     /// Pattern of the Hessian when contacts join branches.
     pub fill: Fill,
+    /// What is done with the tiles of the Hessian.
+    pub tiling: Tiling,
     /// Links with contacts in the block, or carrying such links.
     pub touched: Vec<bool>,
     /// Statistics of the last solve.
@@ -206,6 +218,7 @@ impl<L: Lane> SolverWork<L> {
                 len => anderson::Anderson::with_capacity(len),
             },
             fill: Fill::new(model),
+            tiling: Tiling::default(),
             touched: vec![false; model.sizes.nlink],
             statistics: Statistics::none(),
         }

@@ -29,8 +29,13 @@ fn search<L: Lane>(problem: &Problem<'_, L>, pattern: &Pattern, solver: &mut Sol
 pub fn polish<L: Lane>(problem: &Problem<'_, L>, filled: bool, open: L::Mask, work: &mut SolverWork<L>) {
     let pattern = if filled { &work.fill.pattern } else { &problem.model.tree_pattern };
     search(problem, pattern, &mut work.fields);
+    settle(problem, open, &mut work.fields);
+}
+
+/// Takes that step.
+pub fn settle<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, solver: &mut Solver<L>) {
     let Problem { model, inertia, acceleration, .. } = problem;
-    let Solver { qacc, ma, qfrc_constraint, search, msearch, .. } = &mut work.fields;
+    let Solver { qacc, ma, qfrc_constraint, search, msearch, .. } = solver;
     ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, search, msearch);
     for i in 0..qacc.len() {
         qacc[i] = L::select(open, qacc[i] + search[i], qacc[i]);
