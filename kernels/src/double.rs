@@ -11,14 +11,11 @@ use std::ops::Range;
 
 use ::wide::f64x8;
 
-use crate::collision::ConvexCollider;
-use crate::constraint::{Cone, Constraint, ContactRow, DofRow, DofRowKind, cone};
+use crate::constraint::{Cone, Constraint, ContactRow, DofRow, DofRowKind};
 use crate::lane::{Lane, LaneQuery, Mask, Real};
-use crate::model::{Cast, Model, Pair, Varied};
-use crate::part::Kernels;
-use crate::pipeline::{self, Run, Stage, Stages};
-use crate::state::{Applied, BlockStatus, State, state_len};
-use crate::workspace::Workspace;
+use crate::model::{Model, Varied};
+use crate::state::{Applied, State};
+use crate::workspace::{Double, Workspace};
 
 /// Largest ratio of a pyramid row's D to the inertia that it meets which single precision bears: errors of an acceleration reach
 /// 1e-4 of it at a few times as much.
@@ -31,27 +28,13 @@ const BEARABLE_EQUALITY: f64 = 250.0;
 /// Worlds that are evaluated together.
 const WIDTH: usize = <f64x8 as LaneQuery>::WIDTH;
 
-/// Worlds gathered from a block.
-#[derive(Clone, Debug)]
-pub struct Double {
-    model: Model<f64>,
-    state: State<f64x8>,
-    applied: Option<Applied<f64x8>>,
-    varied: Option<Varied<f64x8>>,
-    workspace: Workspace<f64x8>,
-}
-
 /// What an evaluation reads beside model and state.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Given<'a, L> {
     /// Forces from outside, if there are any.
     pub applied: Option<&'a Applied<L>>,
     /// Numbers of the model that vary from world to world, if any do.
     pub varied: Option<&'a Varied<L>>,
-    /// Largest number of contacts of a world.
-    pub max_contacts: usize,
-    /// Collider of the convex pairs without a formula.
-    pub convex: &'a dyn ConvexCollider,
     /// Whether somebody reads what rows do.
     pub keep: bool,
 }
@@ -69,25 +52,15 @@ pub fn lanes<L: LaneQuery>(constraint: &Constraint<L>) -> L::Mask {
     found | constraint.equality.swamping.gt(L::of(BEARABLE_EQUALITY))
 }
 
-/// Bytes that evaluation in double precision takes once a world needs it, of a model whose workspace has `own`: its workspace
-/// has as many numbers.
-pub fn bytes<L: Lane>(model: &Model<L::Real>, own: usize) -> usize {
-    let mut cones = model.pairs.iter().map(|pair| cone(model, pair));
-    if L::Real::EPSILON < 1e-10 || cones.all(|cone| cone != Cone::Pyramid) {
-        return 0;
-    }
-    let numbers = (own / size_of::<L>()).saturating_add(state_len::<f64x8>(&model.sizes));
-    numbers.saturating_mul(size_of::<f64x8>()).saturating_add(model.pairs.len() * size_of::<Pair<f64>>())
-}
-
-/// Finds smooth and constrained accelerations and forces of the worlds of `open`, and what rows do where that is asked for.
-/// Returns the worlds whose solver reached the limit of iterations.
+/// Finds smooth and constrained accelerations and forces of the worlds of `open`, and what rows do where that is asked for. `evaluate`
+/// runs the stages for so many worlds that were gathered, and returns those whose solver reached the limit of iterations. Returns these.
 pub fn forward<L: LaneQuery>(
     model: &Model<L::Real>,
     state: &State<L>,
     given: Given<'_, L>,
     open: u32,
     ws: &mut Workspace<L>,
+    mut evaluate: impl FnMut(&mut Double, usize) -> u32,
 ) -> u32 {
     let mut double = ws.double.take().unwrap_or_else(|| Box::new(Double::new(model)));
     let mut lanes = (0..L::WIDTH).filter(|lane| open >> lane & 1 != 0);
@@ -99,7 +72,8 @@ pub fn forward<L: LaneQuery>(
             len += 1;
         }
         double.gather(state, given, &group);
-        left |= double.forward(given, &group[..len]);
+        let unfinished = evaluate(&mut double, len);
+        left |= group[..len].iter().enumerate().fold(0, |bits, (place, lane)| bits | (unfinished >> place & 1) << lane);
         double.scatter(&group[..len], ws);
         if given.keep {
             double.scatter_rows(&group[..len], ws);
@@ -110,13 +84,6 @@ pub fn forward<L: LaneQuery>(
 }
 
 impl Double {
-    /// Room for worlds of the model. Asked for when it is first needed: most models never do.
-    fn new<T: Real>(model: &Model<T>) -> Self {
-        let model: Model<f64> = model.cast();
-        let (state, workspace) = (State::new(&model.sizes), Workspace::new(&model));
-        Double { state, applied: None, varied: None, workspace, model }
-    }
-
     /// Takes over what the worlds of `group` are evaluated from.
     fn gather<L: LaneQuery>(&mut self, state: &State<L>, given: Given<'_, L>, group: &[usize; WIDTH]) {
         let widen = |from: &[L], to: &mut [f64x8]| widen(group, from, to);
@@ -139,26 +106,6 @@ impl Double {
                 widen(varied.lanes(quantity), own.lanes_mut(quantity));
             }
         }
-    }
-
-    /// Evaluates the worlds of `group`; returns those whose solver reached the limit of iterations.
-    fn forward<L>(&mut self, given: Given<'_, L>, group: &[usize]) -> u32 {
-        let Double { model, state, applied, varied, workspace } = self;
-        let Given { max_contacts, convex, keep, .. } = given;
-        let mut run = Run {
-            applied: applied.as_ref().filter(|_| given.applied.is_some()),
-            varied: varied.as_ref().filter(|_| given.varied.is_some()),
-            clock: None,
-            max_contacts,
-            convex,
-            stages: Stages::up_to(Stage::Solver),
-            residual: true,
-            executor: &mut Kernels,
-            keep,
-        };
-        let mut status = BlockStatus { alive: (1 << group.len()) - 1, ..BlockStatus::default() };
-        let unfinished = pipeline::forward(model, state, &mut run, &mut status, workspace).unfinished;
-        group.iter().enumerate().fold(0, |bits, (place, lane)| bits | (unfinished >> place & 1) << lane)
     }
 
     /// Hands out what was found.

@@ -12,7 +12,7 @@ use crate::sensor;
 use crate::smooth::Findings;
 pub use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, BlockStatus, State, Status};
-use crate::workspace::Workspace;
+use crate::workspace::{Double, Workspace};
 
 /// How the caller wants a block to be run.
 pub struct Run<'a, L> {
@@ -97,9 +97,9 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         solved.unfinished = unfinished & solved.lanes;
         release(step);
         if stiff != 0 {
-            let Run { applied, varied, max_contacts, convex, keep, .. } = *run;
-            let given = double::Given { applied, varied, max_contacts, convex, keep };
-            solved.unfinished |= double::forward(step.model.model, step.state, given, stiff, step.ws);
+            let given = double::Given { applied: run.applied, varied: run.varied, keep: run.keep };
+            let evaluate = |double: &mut Double, count| in_double(double, run, count);
+            solved.unfinished |= double::forward(step.model.model, step.state, given, stiff, step.ws, evaluate);
         }
         step.end(Stage::Solver);
     }
@@ -111,6 +111,24 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         step.end(Stage::Sensor);
     }
     solved
+}
+
+/// Evaluates the first worlds of those that were gathered; returns those whose solver reached the limit of iterations.
+fn in_double<L>(double: &mut Double, run: &Run<'_, L>, count: usize) -> u32 {
+    let Double { model, state, applied, varied, workspace } = double;
+    let mut own = Run {
+        applied: applied.as_ref().filter(|_| run.applied.is_some()),
+        varied: varied.as_ref().filter(|_| run.varied.is_some()),
+        clock: None,
+        max_contacts: run.max_contacts,
+        convex: run.convex,
+        stages: Stages::up_to(Stage::Solver),
+        residual: true,
+        executor: &mut Kernels,
+        keep: run.keep,
+    };
+    let mut status = BlockStatus { alive: (1 << count) - 1, ..BlockStatus::default() };
+    forward(model, state, &mut own, &mut status, workspace).unfinished
 }
 
 /// Of a discrete step, the rows where it ends.

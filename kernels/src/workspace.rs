@@ -1,16 +1,17 @@
 //! One workspace: a struct for each stage, reused for every block that a thread takes.
 
+use ::wide::f64x8;
+
 use crate::acceleration::Acceleration;
 use crate::actuation::Actuation;
 use crate::collision::{Collision, groups};
-use crate::constraint::Constraint;
+use crate::constraint::{Cone, Constraint, cone};
 use crate::derivative::Derivative;
-use crate::double::{self, Double};
 use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::{Integration, Rk4};
-use crate::lane::{Lane, LaneQuery};
-use crate::model::{Model, Sizes};
+use crate::lane::{Lane, LaneQuery, Real};
+use crate::model::{Cast, Model, Pair, Sizes, Varied};
 use crate::options::Integrator;
 use crate::passive::Passive;
 use crate::position::Position;
@@ -18,6 +19,7 @@ use crate::sensor::{self, Sensors};
 use crate::smooth::Smooth;
 use crate::solver::SolverWork;
 use crate::stage::Stage;
+use crate::state::{Applied, State, state_len};
 use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
@@ -144,6 +146,36 @@ impl<L: Lane> Workspace<L> {
             if discrete(model) { Inertia::<L>::bytes(&Sizes { nlink: 0, ..sizes.clone() }) } else { 0 },
         ];
         let own = stages.into_iter().fold(0, usize::saturating_add);
-        own.saturating_add(double::bytes::<L>(model, own))
+        own.saturating_add(double_bytes::<L>(model, own))
     }
+}
+
+/// Worlds gathered from a block, which are evaluated in double precision.
+#[derive(Clone, Debug)]
+pub struct Double {
+    pub(crate) model: Model<f64>,
+    pub(crate) state: State<f64x8>,
+    pub(crate) applied: Option<Applied<f64x8>>,
+    pub(crate) varied: Option<Varied<f64x8>>,
+    pub(crate) workspace: Workspace<f64x8>,
+}
+
+impl Double {
+    /// Room for worlds of the model. Asked for when it is first needed: most models never do.
+    pub(crate) fn new<T: Real>(model: &Model<T>) -> Self {
+        let model: Model<f64> = model.cast();
+        let (state, workspace) = (State::new(&model.sizes), Workspace::new(&model));
+        Double { state, applied: None, varied: None, workspace, model }
+    }
+}
+
+/// Bytes that evaluation in double precision takes once a world needs it, of a model whose workspace has `own`: its workspace
+/// has as many numbers.
+fn double_bytes<L: Lane>(model: &Model<L::Real>, own: usize) -> usize {
+    let mut cones = model.pairs.iter().map(|pair| cone(model, pair));
+    if L::Real::EPSILON < 1e-10 || cones.all(|cone| cone != Cone::Pyramid) {
+        return 0;
+    }
+    let numbers = (own / size_of::<L>()).saturating_add(state_len::<f64x8>(&model.sizes));
+    numbers.saturating_mul(size_of::<f64x8>()).saturating_add(model.pairs.len() * size_of::<Pair<f64>>())
 }

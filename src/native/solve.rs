@@ -75,7 +75,6 @@ impl<'a, L: Block> Solve<'a, L> {
         // Whatever of them acts later fits where all do.
         let full = || [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
         if tiled && cross {
-            lists.tiling.begin();
             lists.find((root, code), &constraint.contact_rows, u32::MAX, L::WIDTH)?;
         }
         let whole = if tiled || !cross || full() {
@@ -158,7 +157,10 @@ impl Lists {
         }
         tiles.clear();
         for stretch in (0..tiling.count()).map(|number| tiling.stretch(number)) {
-            code.get(root, Part::of(stretch.work.into(), stretch.shape))?;
+            if code.get(root, Part::of(stretch.work.into(), stretch.shape)).is_none() {
+                tiling.forget();
+                return None;
+            }
             let starts = |item: Item<'_>| *item.starts(model, width).first_chunk().expect("more columns");
             if stretch.work == Work::Couple {
                 let patches = tiling.patches[stretch.items.range()].iter();

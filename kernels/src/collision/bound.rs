@@ -8,7 +8,7 @@ use crate::math::vec3::{Vec3, dot, scale_add, sub};
 use crate::model::{Geom, Model, Pair, Shape};
 use crate::position::{Position, kinematics};
 
-use super::pair::{Frames, body};
+use super::body::{Frames, Rod, body};
 
 /// What rounding may take from a distance, in units of the geoms' sizes.
 const SLACK: f64 = 1e-3;
@@ -30,9 +30,6 @@ pub(super) struct Test {
     /// Distance of centres or segments, or height above the plane, within which the pair is near.
     reach: f64,
 }
-
-/// A geom as the bounding test sees it: centre and local z axis.
-pub(super) type Rod<L> = [Vec3<L>; 2];
 
 impl Test {
     pub fn new<T: Real>(model: &Model<T>, pair: &Pair<T>) -> Self {

@@ -15,8 +15,8 @@ use crate::model::{Instance, Model};
 use crate::position::Position;
 
 use super::Colliders;
+use super::body::body;
 use super::bound::Test;
-use super::pair::body;
 
 /// Part of a gap that ways may use up before the pair is tested again: within a tree, and in the world, where two geoms can
 /// approach from both sides. The rest is for rounding of lengths; that of places is the blur of

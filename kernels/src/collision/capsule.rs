@@ -1,23 +1,12 @@
 //! Capsule against capsule: nearest points of two segments (Ericson, Real-Time Collision Detection, 2005, §5.1.9).
 
-use super::pair::{Body, Candidate};
+use super::body::{Body, Candidate};
 use super::sphere::balls;
 use crate::lane::Lane;
-use crate::math::vec3::{self, Vec3, cross, dot, scale_add, sub};
+use crate::math::vec3::{Vec3, cross, dot, scale_add, sub};
 
 /// Axes at a smaller angle, in radians, count as parallel.
 const PARALLEL: f64 = 1e-4;
-
-/// The candidate `a` where the mask holds, else `b`.
-#[inline(always)]
-pub(super) fn select<L: Lane>(mask: L::Mask, a: &Candidate<L>, b: &Candidate<L>) -> Candidate<L> {
-    Candidate {
-        dist: L::select(mask, a.dist, b.dist),
-        pos: vec3::select(mask, &a.pos, &b.pos),
-        normal: vec3::select(mask, &a.normal, &b.normal),
-        tangent: vec3::select(mask, &a.tangent, &b.tangent),
-    }
-}
 
 /// Two segments as products of their unit axes and the way from the first centre to the second. Places on them are lengths
 /// from the centres.

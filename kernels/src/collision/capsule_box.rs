@@ -8,7 +8,7 @@
 //! An axis that runs level along a face or an edge is as near to it at many places. Rounding would choose one of them, and
 //! with it what follows, so there the points are the two ends of the part that lies beside the face or edge.
 
-use super::pair::{Body, Candidate};
+use super::body::{Body, Candidate};
 use super::single::{Point, Points};
 use super::sphere;
 use crate::lane::Scalar;

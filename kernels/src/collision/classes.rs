@@ -1,7 +1,8 @@
 //! What pairs have in common: classes for which one piece of code does, and groups that are tested together.
 
+use super::body::Frames;
 use super::bound::nearest_first;
-use super::pair::{Frames, in_lanes};
+use super::pair::in_lanes;
 use super::shapes;
 use crate::lane::Scalar;
 use crate::model::{Model, NONE, Pair, Shape};

@@ -3,6 +3,7 @@
 //!
 //! A block's list is the union of its worlds' contacts; a world without a given contact has it at distance `MAXVAL`.
 
+mod body;
 mod bound;
 mod boxes;
 mod broad;
@@ -17,16 +18,17 @@ mod single;
 mod sphere;
 mod way;
 
+pub use body::{Body, Found, Frames};
 pub use bound::near_pairs;
 pub use classes::{Class, classes, groups};
 pub use convex::{ConvexCollider, Outline};
 pub use frame::contact_frame;
-pub use pair::{Body, Found, Frames, in_lanes, narrow, narrow_parallel};
+pub use pair::{in_lanes, narrow, narrow_parallel};
 pub use single::{Point, Points};
 pub use way::{blur, levers, way};
 
+use body::{Candidate, body};
 use broad::Broad;
-use pair::{Candidate, body};
 
 use crate::fields::fields;
 use crate::lane::{Lane, LaneQuery, Mask, Real};

@@ -1,6 +1,6 @@
 //! A plane against every other shape. The normal is the plane's; a contact lies midway between plane and surface.
 
-use super::pair::{Body, Candidate};
+use super::body::{Body, Candidate};
 use super::sphere::rounding;
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::{Vec3, column, cross, dot, mul, mul_t, neg, norm, scale, scale_add, select, sub, zero};
@@ -100,7 +100,7 @@ pub(super) fn cuboid<L: Lane>(plane: &Body<L>, cuboid: &Body<L>, include: L) -> 
         let candidate = below(&normal, &at, dist, zero());
         for (i, (slot, mask)) in found.iter_mut().enumerate() {
             let here = counts & count.eq(L::of(i as f64));
-            *slot = super::capsule::select(here, &candidate, slot);
+            *slot = Candidate::select(here, &candidate, slot);
             *mask = *mask | here;
         }
         count = L::select(counts, count + L::one(), count);

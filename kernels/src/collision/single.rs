@@ -3,7 +3,7 @@
 //! Each near lane's numbers are taken out, treated in the lane's own real type, and the points put back into the lanes of
 //! the pair's slots. A world's points follow from its own numbers alone, by the same scalar code whatever the lane's width.
 
-use super::pair::{Body, Candidate};
+use super::body::{Body, Candidate};
 use super::{ConvexCollider, Outline};
 use crate::lane::{LaneQuery, Scalar};
 use crate::math::vec3::{Vec3, zero};

@@ -1,6 +1,6 @@
 //! A sphere against sphere, capsule, cylinder and box.
 
-use super::pair::{Body, Candidate};
+use super::body::{Body, Candidate};
 use crate::lane::{Lane, Real};
 use crate::math::vec3::{Vec3, add, cross, dot, mul, mul_t, neg, norm, normalize, scale, scale_add, select, sub, zero};
 
@@ -67,7 +67,7 @@ pub(super) fn cylinder<L: Lane>(sphere: &Body<L>, cylinder: &Body<L>) -> Candida
     let shallow_side = (half - along.abs()).ge(radius - distance - slack);
     let use_side = within_height & (!within_radius | shallow_side);
     let use_cap = within_radius & !use_side;
-    super::capsule::select(use_side, &side, &super::capsule::select(use_cap, &cap, &rim))
+    Candidate::select(use_side, &side, &Candidate::select(use_cap, &cap, &rim))
 }
 
 /// The nearest point of the box; a centre inside takes the face of least depth.

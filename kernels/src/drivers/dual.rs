@@ -1,6 +1,6 @@
 //! Sweeps over the dual problem: projected Gauss-Seidel, and the pass without slip.
 
-use super::solver::Outcome;
+use super::Outcome;
 use crate::lane::{Lane, LaneQuery};
 use crate::options;
 use crate::part::Step;

@@ -5,3 +5,16 @@ pub mod collision;
 pub mod constraint;
 mod dual;
 pub mod solver;
+
+/// How an iteration ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome<L> {
+    /// Worlds that reached the limit of iterations.
+    pub open: u32,
+    /// Iterations of each world.
+    pub niter: L,
+    /// Iterations of the slowest.
+    pub rounds: u32,
+    /// Worlds in which the acceleration is the last step ahead of the rows.
+    pub ahead: u32,
+}

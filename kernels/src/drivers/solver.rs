@@ -1,6 +1,6 @@
 //! The constrained acceleration: which solver, what it needs, and its iterations.
 
-use super::dual;
+use super::{Outcome, dual};
 use crate::constraint::ContactRow;
 use crate::lane::{LaneQuery, Real};
 use crate::model::Sides;
@@ -77,19 +77,6 @@ fn finish<L: LaneQuery>(step: &mut Step<'_, L>, active: u32) {
         qacc[i] = L::select(active, qacc[i], smooth[i]);
         qfrc_constraint[i] = L::select(active, qfrc_constraint[i], L::zero());
     }
-}
-
-/// How an iteration ended.
-#[derive(Clone, Copy, Debug)]
-pub struct Outcome<L> {
-    /// Worlds that reached the limit of iterations.
-    pub open: u32,
-    /// Iterations of each world.
-    pub niter: L,
-    /// Iterations of the slowest.
-    pub rounds: u32,
-    /// Worlds in which the acceleration is the last step ahead of the rows.
-    pub ahead: u32,
 }
 
 /// The iteration that Newton's method and conjugate gradients share, until the worlds of `open` have converged.

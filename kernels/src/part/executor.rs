@@ -87,7 +87,6 @@ impl<'a, 's, L: LaneQuery> OneByOne<'a, 's, L> {
     /// Those of a step.
     pub fn run(executor: &'a mut dyn Executor<L>, step: &'a mut Step<'s, L>, run: &mut dyn FnMut(&mut dyn Parts)) {
         let rows = std::mem::take(&mut step.ws.constraint.contact_rows);
-        step.ws.solver.tiling.begin();
         let mut parts = OneByOne { executor, step, rows, filled: None };
         run(&mut parts);
         parts.step.ws.constraint.contact_rows = parts.rows;

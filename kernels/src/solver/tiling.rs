@@ -91,15 +91,16 @@ pub struct Tiling {
     pub tiles: Vec<Tile>,
     /// Contacts and their patches: number of the shape, place in the list, number of the patch.
     pub patches: Vec<[u32; 3]>,
-    /// Contacts that couple, and whether some join trees or branches.
-    found: Option<(usize, bool)>,
+    /// The contacts that couple: pair, and where each has its numbers; and whether some join trees or branches.
+    known: Vec<[u32; 4]>,
+    joined: Option<bool>,
     columns: Vec<usize>,
 }
 
 impl Tiling {
-    /// Forgets the contacts of another solve.
-    pub fn begin(&mut self) {
-        self.found = None;
+    /// Forgets what is known.
+    pub fn forget(&mut self) {
+        self.joined = None;
     }
 
     /// The stretches of a phase.
@@ -119,18 +120,21 @@ impl Tiling {
         self.stretches.len()
     }
 
-    /// Finds what is to be done for the contacts that act in some world of `acting`, of which there are fewer from call to call.
-    /// Returns whether they join branches, and whether anything is new.
+    /// Finds what is to be done for the contacts that act in some world of `acting`, unless that is known already. Returns whether they
+    /// join branches, and whether anything is new.
     pub fn find<T>(&mut self, model: &Model<T>, rows: &[ContactRow], acting: u32) -> (bool, bool) {
         let couples = |row: &ContactRow| row.sides != Sides::One && row.lanes & acting != 0;
-        let count = rows.iter().filter(|row| couples(row)).count();
-        if let Some((known, joined)) = self.found
-            && known == count
+        let coupling = || rows.iter().filter(|row| couples(row));
+        let places = || coupling().map(|row| [row.pair, row.strength, row.component, row.jacobian]);
+        if let Some(joined) = self.joined
+            && places().eq(self.known.iter().copied())
         {
             return (joined, false);
         }
-        let joined = rows.iter().any(|row| couples(row) && model.pairs[row.pair as usize].cross);
-        self.found = Some((count, joined));
+        self.known.clear();
+        self.known.extend(places());
+        let joined = coupling().any(|row| model.pairs[row.pair as usize].cross);
+        self.joined = Some(joined);
         if joined {
             self.list(model, rows, &couples);
         }
