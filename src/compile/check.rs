@@ -8,7 +8,10 @@ use super::lengthrange::MOST_STEPS;
 use super::names::{self, label};
 use super::tendons;
 use crate::diagnostics::{Diagnostics, quoted};
-use crate::spec::{Actuator, Bias, Body, Dynamics, Gain, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Pair, Path, Shape, Source, Spec, Tendon, Transmission, Tri, Waypoint, is_limited};
+use crate::spec::{
+    Actuator, Bias, Body, Dynamics, Gain, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Pair, Path,
+    Shape, Source, Spec, Tendon, Transmission, Tri, Waypoint, is_limited,
+};
 use crate::suggest::did_you_mean;
 use crate::unbuilt::unbuilt;
 

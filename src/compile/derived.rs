@@ -10,8 +10,8 @@ use lanesim_kernels::model::{Dof, DofKind, Joint, JointKind, Link, MomentDof, NO
 use super::heavy::Heavy;
 use super::links::Links;
 use super::order::Scene;
-use super::response::Response;
 use super::pose::{rotation, skew, unit_quat};
+use super::response::Response;
 use crate::spec;
 
 /// A motion or a force: rotational and translational part.

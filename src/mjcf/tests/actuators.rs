@@ -69,7 +69,10 @@ fn bad_actuators() {
     check("<damper joint='j' ctrlrange='-1 1'/>", "1: damper: the ctrlrange of a damper must not be negative");
     let missing = |what: &str| format!("{what} not supported (a lenient load leaves it out)");
     check("<general name='a' body='b'/>", &missing("1: general \"a\": transmission through a body is"));
-    check("<motor slidersite='s'/>", "1: motor: nothing to act on (give joint, jointinparent, tendon, site or cranksite)");
+    check(
+        "<motor slidersite='s'/>",
+        "1: motor: nothing to act on (give joint, jointinparent, tendon, site or cranksite)",
+    );
     check(
         "<motor joint='j' refsite='s'/>",
         "1: motor: attribute \"refsite\" does not go with joint (remove it, or give site)",
