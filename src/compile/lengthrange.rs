@@ -125,7 +125,7 @@ fn pull(tables: &Model<f64>, options: &LengthRange, pulls: &[(usize, f64)]) -> V
     let mut ends = vec![End { last: 0.0, least: f64::INFINITY, most: f64::NEG_INFINITY }; pulls.len()];
     while time < options.inttotal {
         time += h;
-        state.qvel.iter_mut().for_each(|v| *v = *v * fading);
+        state.qvel.iter_mut().for_each(|v| *v *= fading);
         prepare(tables, &state, &mut ws);
         apply(tables, options, pulls, &ws, &mut applied);
         for (lane, ((a, _), end)) in pulls.iter().zip(&mut ends).enumerate() {
@@ -195,7 +195,7 @@ fn apply(
     for (lane, (_, side)) in pulls.iter().enumerate() {
         signed.set(lane, side * scale.get(lane));
     }
-    force.iter_mut().for_each(|f| *f = *f * signed);
+    force.iter_mut().for_each(|f| *f *= signed);
 }
 
 /// The range, if the pulls came to rest.
