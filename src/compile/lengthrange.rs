@@ -22,7 +22,7 @@ use crate::spec::{self, Bias, Gain, JointKind, LengthRange, LengthRangeMode, Spe
 type L = f64x8;
 const MINVAL: f64 = 1e-15;
 /// Most steps of a pull.
-pub(super) const MOST_STEPS: f64 = 1e6;
+pub(super) const MOST_STEPS: f64 = 1e5;
 
 /// The ranges of all actuators, 0 0 of those that need none.
 pub(super) fn ranges(spec: &Spec, tables: &Model<f64>, diagnostics: &mut Diagnostics) -> Vec<[f64; 2]> {
@@ -118,9 +118,9 @@ fn pull(tables: &Model<f64>, options: &LengthRange, pulls: &[(usize, f64)]) -> V
     // As MuJoCo counts it, rounding included.
     let mut time = 0.0;
     let mut ends = vec![End { last: 0.0, least: f64::INFINITY, most: f64::NEG_INFINITY }; pulls.len()];
-    while time < options.inttotal {
+    while time < options.inttotal && status.alive != 0 {
         time += h;
-        state.qvel.iter_mut().for_each(|v| *v = *v * fading);
+        state.qvel.iter_mut().for_each(|v| *v *= fading);
         prepare(tables, &state, &mut ws);
         apply(tables, options, pulls, &ws, &mut applied);
         for (lane, ((a, _), end)) in pulls.iter().zip(&mut ends).enumerate() {
@@ -189,7 +189,7 @@ fn apply(
     for (lane, (_, side)) in pulls.iter().enumerate() {
         signed.set(lane, side * scale.get(lane));
     }
-    force.iter_mut().for_each(|f| *f = *f * signed);
+    force.iter_mut().for_each(|f| *f *= signed);
 }
 
 /// The range, if the pulls came to rest.
