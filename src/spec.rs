@@ -112,6 +112,11 @@ impl Spec {
         self.written.get(&format!("{element} {attribute}")).cloned().unwrap_or_default()
     }
 
+    /// Number of activations.
+    pub(crate) fn activations(&self) -> usize {
+        self.actuators.iter().filter(|actuator| actuator.dynamics != Dynamics::None).count()
+    }
+
     /// Adds a body to the body of index `parent` and returns its own index. The parent named in `body` does not count.
     pub fn add_body(&mut self, parent: usize, body: Body) -> usize {
         self.bodies.push(Body { parent, ..body });

@@ -3,7 +3,7 @@
 mod support;
 
 use lanesim::model::ArrayData;
-use lanesim::{Backend, Field, Model, Precision, Worlds};
+use lanesim::{Backend, Field, Model, Parameter, Precision, Worlds};
 use support::{agree, load, options, parse};
 
 /// An arm whose muscles' ranges are found.
@@ -27,7 +27,7 @@ fn ranges(model: &Model) -> Vec<f64> {
     }
 }
 
-/// What MuJoCo 4.0.0 finds. A pull ends where limits and force balance, to what is left of the motion.
+/// What MuJoCo 4.0.0 finds. A pull ends where limits and force balance, to what is left of the motion: between the sites, 1e-5 in a step.
 #[test]
 fn ranges_of_lengths_are_mujocos() {
     let (shoulder, between) = ([-0.366701096027, 0.418962982768], [-0.717665305723, 0.0596796354926]);
@@ -35,7 +35,7 @@ fn ranges_of_lengths_are_mujocos() {
     let pulled = [-0.349691576492, 1.92090675927];
     let check = |compiler: &str, expected: [[f64; 2]; 4]| {
         let found = ranges(&parse(&arm(compiler)));
-        agree(&found, expected.as_flattened(), 1e-5, 1.0).unwrap_or_else(|problem| panic!("{compiler}{problem}"));
+        agree(&found, expected.as_flattened(), 5e-5, 1.0).unwrap_or_else(|problem| panic!("{compiler}{problem}"));
     };
     check("", [shoulder, given, between, none]);
     check("<lengthrange mode='all'/>", [shoulder, given, between, [-0.699383152984, 3.84181351855]]);
@@ -63,7 +63,7 @@ fn ranges_of_lengths_that_are_not_found() {
     refused(&free, "(give lengthrange, or limit the joints that it moves)");
     refused(
         &arm("<lengthrange inttotal='1e9'/>"),
-        "inttotal takes 100000000000 steps of timestep (take at most 1000000)",
+        "inttotal takes 100000000000 steps of timestep (take at most 100000)",
     );
     refused(&arm("<lengthrange interval='-1'/>"), "interval is negative");
 }
@@ -152,9 +152,55 @@ fn activations_from_outside_are_looked_at() {
         let mut worlds = Worlds::new(&model, 2, &options(Precision::F64, Backend::Auto)).expect("a batch");
         let mut row = worlds.get(Field::Act, 1).expect("a world");
         row[3] = act;
-        worlds.set(Field::Act, 1, &row).expect("a state");
+        worlds.set_unchecked(Field::Act, 1, &row).expect("a state");
         worlds.step(3).expect("steps");
-        assert!(worlds.status(1).names().contains(&name), "{:?}", worlds.status(1).names());
-        assert!(worlds.status(0).names().is_empty());
+        let names = |world| worlds.status(world).expect("a world").names();
+        assert!(names(1).contains(&name), "{:?}", names(1));
+        assert!(names(0).is_empty());
+    }
+}
+
+/// What follows from gears and inertias is not stale: where it would be, they cannot differ between worlds.
+#[test]
+fn muscles_keep_their_gears() {
+    let model = load("unit/muscle");
+    let mut worlds = Worlds::new(&model, 2, &options(Precision::F64, Backend::Auto)).expect("a batch");
+    let mut refused = |parameter: Parameter, why: &str| {
+        let own = parameter.of(&model).to_vec();
+        support::fails(worlds.set_parameter(parameter, 1, &own), why);
+    };
+    refused(Parameter::ActuatorGear, "ranges of lengths and forces of muscles follow from gears, and would be stale");
+    refused(Parameter::BodyMass, "forces of muscles follow from inertias, and would be stale; give muscles a force");
+    // Parameters of muscles cannot, those of what is no muscle can.
+    let mut gains = Parameter::ActuatorGainprm.of(&model).to_vec();
+    gains[2] = 3.0;
+    support::fails(worlds.set_parameter(Parameter::ActuatorGainprm, 1, &gains), "since it has no effect");
+}
+
+/// Worlds with their own gains, biases and gears have the bits of models that were compiled with them.
+#[test]
+fn gains_of_activations_differ_between_worlds() {
+    let text = |gain: f64, gear: f64| {
+        format!(
+            "<mujoco><worldbody><site name='w' pos='0 0 1'/><body><joint name='j' axis='0 1 0'/><geom size='.1' pos='.3 0 0'/>
+             <site name='s' pos='.2 0 0'/></body></worldbody><actuator>
+             <general site='s' refsite='w' gear='0 0 {gear} 0 0.3 0' dyntype='filter' dynprm='.1' gainprm='{gain}'/>
+             <intvelocity joint='j' kp='2' kv='.1'/></actuator></mujoco>"
+        )
+    };
+    for (precision, backend) in [(Precision::F64, Backend::Wide), (Precision::F32, Backend::Native)] {
+        let (plain, other) = (parse(&text(1.5, 0.7)), parse(&text(0.4, -1.1)));
+        let engine = options(precision, backend);
+        let run = |worlds: &mut Worlds, world: usize| {
+            worlds.set(Field::Ctrl, world, &[0.7, -0.5]).expect("controls");
+            worlds.step(30).expect("steps");
+            [Field::Qvel, Field::Act].map(|field| worlds.get(field, world).expect("a world"))
+        };
+        let mut varied = Worlds::new(&plain, 3, &engine).expect("a batch");
+        for parameter in [Parameter::ActuatorGainprm, Parameter::ActuatorGear] {
+            varied.set_parameter(parameter, 2, parameter.of(&other)).expect("a parameter");
+        }
+        let mut alone = Worlds::new(&other, 1, &engine).expect("a batch");
+        assert_eq!(run(&mut varied, 2), run(&mut alone, 0), "{precision:?} {backend:?}");
     }
 }

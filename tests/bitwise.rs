@@ -247,7 +247,8 @@ fn every_solver_and_cone() {
 fn every_integrator() {
     let ids: Vec<usize> = (0..DIFFERENT).collect();
     for integrator in ["RK4", "implicitfast", "implicit", "discrete"] {
-        for name in ["zoo/humanoid27", "zoo/chain31", "zoo/box_stack", "unit/rk4"] {
+        let actuators = ["unit/actuator_refsite", "unit/actuator_slidercrank", "unit/activation", "unit/muscle"];
+        for name in ["zoo/humanoid27", "zoo/chain31", "zoo/box_stack", "unit/rk4"].into_iter().chain(actuators) {
             let model = load_with(name, &[("integrator", integrator)]);
             for precision in PRECISIONS {
                 let alone = run(&model, &ids, 2 * SHORT, &options(precision, Backend::Scalar, 2));

@@ -59,6 +59,12 @@ def test_an_mjmodel_is_taken_over_number_by_number(name) -> None:
     assert pickle.loads(pickle.dumps(model)).nq == exact.nq
 
 
+@pytest.mark.parametrize("name", ["activation", "activation_group", "muscle", "actuator_refsite", "actuator_slidercrank"])
+def test_actuators_are_stepped_as_by_mujoco(name) -> None:
+    exact = mujoco.MjModel.from_xml_path(str(MODELS / "unit" / f"{name}.xml"))
+    same(exact, lanesim.Model.from_mjmodel(exact))
+
+
 def test_every_model_of_the_repository_is_taken_over() -> None:
     taken = 0
     for path in corpus.ours():

@@ -3,7 +3,6 @@
 use std::collections::HashSet;
 
 use super::equality;
-use super::keys::activations;
 use super::lengthrange::MOST_STEPS;
 use super::names::{self, label};
 use super::tendons;
@@ -575,7 +574,7 @@ fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
     let (nq, nv): (usize, usize) = (kinds().map(qpos_count).sum(), kinds().map(dof_count).sum());
     let nmocap = spec.bodies.iter().filter(|b| b.mocap).count();
     // Every keyframe is kept in full, however little of it is written.
-    let na = activations(spec);
+    let na = spec.activations();
     let each = nq + nv + na + spec.actuators.len() + 7 * nmocap;
     let most = MOST_KEY_NUMBERS / each.max(1);
     if let Some(key) = spec.keys.get(most) {

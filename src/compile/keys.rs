@@ -4,7 +4,7 @@ use super::joints;
 use super::order::Scene;
 use super::pose::{unit_quat, wxyz};
 use crate::model::Key;
-use crate::spec::{Dynamics, JointKind, Spec};
+use crate::spec::{JointKind, Spec};
 
 /// The keyframes with every field filled in and every quaternion of length one. None is longer than the model's.
 pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
@@ -12,7 +12,7 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
     let defaults = Key {
         qpos: joints::qpos0(scene),
         qvel: vec![0.0; scene.nv],
-        act: vec![0.0; activations(spec)],
+        act: vec![0.0; spec.activations()],
         ctrl: vec![0.0; spec.actuators.len()],
         mpos: mocap().flat_map(|b| b.pose.pos.to_array()).collect(),
         mquat: mocap().flat_map(|b| b.pose.wxyz()).collect(),
@@ -57,11 +57,6 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
         }
     };
     spec.keys.iter().map(complete).collect()
-}
-
-/// Number of activations.
-pub(super) fn activations(spec: &Spec) -> usize {
-    spec.actuators.iter().filter(|actuator| actuator.dynamics != Dynamics::None).count()
 }
 
 /// What is given, in whole units, and the defaults from there on.

@@ -23,7 +23,7 @@ use crate::spec::{self, Bias, Gain, JointKind, LengthRange, LengthRangeMode, Spe
 type L = f64x8;
 const MINVAL: f64 = 1e-15;
 /// Most steps of a pull.
-pub(super) const MOST_STEPS: f64 = 1e6;
+pub(super) const MOST_STEPS: f64 = 1e5;
 
 /// The ranges of all actuators, 0 0 of those that need none.
 pub(super) fn ranges(spec: &Spec, tables: &Model<f64>, diagnostics: &mut Diagnostics) -> Vec<[f64; 2]> {
@@ -123,7 +123,7 @@ fn pull(tables: &Model<f64>, options: &LengthRange, pulls: &[(usize, f64)]) -> V
     // As MuJoCo counts it, rounding included.
     let mut time = 0.0;
     let mut ends = vec![End { last: 0.0, least: f64::INFINITY, most: f64::NEG_INFINITY }; pulls.len()];
-    while time < options.inttotal {
+    while time < options.inttotal && status.alive != 0 {
         time += h;
         state.qvel.iter_mut().for_each(|v| *v *= fading);
         prepare(tables, &state, &mut ws);

@@ -1,7 +1,6 @@
 //! What the compiler tells the user about a model that it accepts.
 
 use super::constraints::raised;
-use super::keys;
 use super::links::Links;
 use super::names::label;
 use super::order::Scene;
@@ -124,7 +123,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("nq", scene.nq),
         ("nv", scene.nv),
         ("nu", spec.actuators.len()),
-        ("na", keys::activations(spec)),
+        ("na", spec.activations()),
         ("nbody", scene.bodies.len()),
         ("njnt", scene.joints.len()),
         ("ngeom", scene.geoms.len()),

@@ -107,7 +107,7 @@ pub const RULES: &[Rule] = &[
         "motor",
         "name=ACTUATOR class=@CLASS joint=@JOINT jointinparent=@JOINT site=@SITE tendon=@TENDON gear=v6 ctrlrange=v2 \
             ctrllimited=true|false|auto forcerange=v2 forcelimited=b group=i armature=n damping=n lengthrange=v2 delay=n \
-            refsite=@SITE body=@BODY cranksite=@SITE slidersite=@SITE user=v2",
+            refsite=@SITE body=@BODY cranksite=@SITE slidersite=@SITE cranklength=n user=v2",
         "",
     ),
     row(
@@ -125,9 +125,13 @@ pub const RULES: &[Rule] = &[
         "",
     ),
     row("damper", "name=ACTUATOR joint=@JOINT kv=n ctrlrange=v2", ""),
-    row("intvelocity", "name=ACTUATOR joint=@JOINT kp=n kv=n actrange=v2", ""),
+    row("intvelocity", "name=ACTUATOR joint=@JOINT kp=n kv=n actrange=v2 inheritrange=n", ""),
     row("cylinder", "name=ACTUATOR joint=@JOINT area=n diameter=n bias=v3", ""),
-    row("muscle", "name=ACTUATOR joint=@JOINT timeconst=v2 range=v2 force=n", ""),
+    row(
+        "muscle",
+        "name=ACTUATOR joint=@JOINT timeconst=v2 range=v2 force=n scale=n lmin=n lmax=n vmax=n lengthrange=v2",
+        "",
+    ),
     row("keyframe", "", "key"),
     row("key", "name=t time=n qpos=v7 qvel=v6 act=v2 ctrl=v2 mpos=v3 mquat=v4", ""),
     row("custom", "", "numeric text tuple"),
