@@ -16,6 +16,7 @@ use lanesim_kernels::part::{Executor, Kernels, Op, Part, Step};
 use lanesim_kernels::pipeline::{Run, Stage, Stages};
 use lanesim_kernels::position::{Position, kinematics};
 use lanesim_kernels::state::{BlockStatus, State};
+use lanesim_kernels::tendon::{self, Tendons};
 use lanesim_kernels::workspace::Workspace;
 use lanesim_kernels::{inertia, integration, position, step, velocity};
 use std::sync::Arc;
@@ -408,18 +409,27 @@ fn articulated_bodies_accelerate_as_the_matrix_says() {
     assert!(takes("zoo/chain31") && !takes("zoo/hand32") && !takes("zoo/isolated34") && !takes("zoo/humanoid27"));
 }
 
+/// Tendons at a state.
+fn lines(tables: &Tables<f64>, position: &Position<f64>, qpos: &[f64], qvel: &[f64]) -> Tendons<f64> {
+    let mut tendons = Tendons::new(&tables.sizes);
+    tendon::tendons(tables, position, qpos, qvel, &mut tendons);
+    tendons
+}
+
 fn bias(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> Vec<f64> {
     let position = pose(tables, qpos);
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables.into(), &position, &mut inertia);
+    inertia::crb(tables.into(), &position, &lines(tables, &position, qpos, qvel), &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
-    velocity::rne(tables.into(), &position, &inertia, qvel, &mut velocity);
+    velocity::rne(tables.into(), (&position, &lines(tables, &position, qpos, qvel), &inertia), qvel, &mut velocity);
     velocity.qfrc_bias
 }
 
 fn inertia_matrix(tables: &Tables<f64>, qpos: &[f64]) -> Vec<Vec<f64>> {
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables.into(), &pose(tables, qpos), &mut inertia);
+    let position = pose(tables, qpos);
+    let still = vec![0.0; tables.sizes.nv];
+    inertia::crb(tables.into(), &position, &lines(tables, &position, qpos, &still), &mut inertia);
     dense(tables, &inertia.m)
 }
 
@@ -541,9 +551,10 @@ fn moves(tables: &Tables<f64>, dof: usize, mut link: usize) -> bool {
 fn momentum(tables: &Tables<f64>, qpos: &[f64], qvel: &[f64]) -> [f64; 6] {
     let model_position = pose(tables, qpos);
     let mut inertia = inertia::Inertia::new(&tables.sizes);
-    inertia::crb(tables.into(), &model_position, &mut inertia);
+    let tendons = lines(tables, &model_position, qpos, qvel);
+    inertia::crb(tables.into(), &model_position, &tendons, &mut inertia);
     let mut velocity = velocity::Velocity::new(&tables.sizes);
-    velocity::rne(tables.into(), &model_position, &inertia, qvel, &mut velocity);
+    velocity::rne(tables.into(), (&model_position, &tendons, &inertia), qvel, &mut velocity);
     let mut sum = [0.0; 6];
     for (l, link) in tables.links.iter().enumerate() {
         let h = spatial::inertia_mul(&inertia.link[l], &velocity.cvel[l]);

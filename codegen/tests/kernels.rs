@@ -17,12 +17,14 @@ use lanesim_kernels::model::{Cast, Model as Tables};
 use lanesim_kernels::passive::{self, Passive};
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::state::State;
+use lanesim_kernels::tendon::{self, Tendons};
 use lanesim_kernels::velocity::{self, Velocity};
 use support::{Random, assert_same, instruction_sets};
 
 /// What a step computes where nothing is in contact.
 struct Stages<L: Lane> {
     position: Position<L>,
+    tendons: Tendons<L>,
     inertia: Inertia<L>,
     velocity: Velocity<L>,
     passive: Passive<L>,
@@ -40,6 +42,7 @@ impl<L: Lane> Stages<L> {
         let sizes = &model.sizes;
         let mut s = Stages {
             position: Position::new(sizes),
+            tendons: Tendons::new(sizes),
             inertia: Inertia::new(sizes),
             velocity: Velocity::new(sizes),
             passive: Passive::new(sizes),
@@ -48,16 +51,18 @@ impl<L: Lane> Stages<L> {
             integration: Integration::new(sizes),
         };
         position::kinematics(model.into(), qpos, &mut s.position);
-        inertia::crb(model.into(), &s.position, &mut s.inertia);
-        velocity::rne(model.into(), &s.position, &s.inertia, qvel, &mut s.velocity);
-        passive::passive(model.into(), (&s.position, &s.velocity), qpos, qvel, &mut s.passive);
+        tendon::tendons(model, &s.position, qpos, qvel, &mut s.tendons);
+        inertia::crb(model.into(), &s.position, &s.tendons, &mut s.inertia);
+        velocity::rne(model.into(), (&s.position, &s.tendons, &s.inertia), qvel, &mut s.velocity);
+        let moving = passive::Stages { position: &s.position, tendons: &s.tendons, velocity: &s.velocity };
+        passive::passive(model.into(), moving, qpos, qvel, &mut s.passive);
         let (qpos, qvel, ctrl) = (qpos.to_vec(), qvel.to_vec(), ctrl.to_vec());
         let state = State { qpos, qvel, ctrl, ..State::new(sizes) };
         let State { qpos, qvel, .. } = &state;
-        let bad = actuation::actuation(model.into(), &state, &s.passive, &mut s.actuation);
+        let bad = actuation::actuation(model.into(), &state, (&s.position, &s.tendons, &s.passive), &mut s.actuation);
         let a = &mut s.acceleration;
         acceleration::smooth_force(model, &s.position, &s.velocity, &s.passive, &s.actuation, None, a);
-        let singular = acceleration::smooth_acceleration(model.into(), &s.position, &s.inertia, None, a);
+        let singular = acceleration::smooth_acceleration(model.into(), (&s.position, &s.tendons, &s.inertia), None, a);
         let forces = [&a.qfrc_smooth[..], &vec![L::zero(); sizes.nv]];
         integration::euler(
             model.into(),

@@ -198,9 +198,9 @@ mod tests {
     fn points_are_inside_or_not() {
         let size = [1.0, 2.0, 3.0];
         for shape in [Shape::Sphere, Shape::Capsule, Shape::Cylinder, Shape::Ellipsoid, Shape::Box] {
-            assert!(inside(shape, &size, &[0.5, 0.0, 0.0]), "{shape:?}");
-            assert!(!inside(shape, &size, &[1.1, 0.0, 0.0]), "{shape:?}");
+            assert!(inside::<f64>(shape, &size, &[0.5, 0.0, 0.0]), "{shape:?}");
+            assert!(!inside::<f64>(shape, &size, &[1.1, 0.0, 0.0]), "{shape:?}");
         }
-        assert!(inside(Shape::Capsule, &size, &[0.0, 0.0, 2.9]) && !inside(Shape::Cylinder, &size, &[0.0, 0.0, 2.9]));
+        assert!(inside::<f64>(Shape::Capsule, &size, &[0.0, 0.0, 2.9]) && !inside::<f64>(Shape::Cylinder, &size, &[0.0, 0.0, 2.9]));
     }
 }
