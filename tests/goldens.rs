@@ -465,7 +465,7 @@ fn goldens_hold_what_models_are_for() {
         ("unit/tendon_armature", 0, 1),
         ("unit/tendon_fixed", 0, 8),
         ("unit/tendon_spatial", 0, 7),
-        ("unit/tendon_wrap", 0, 2),
+        ("unit/tendon_wrap", 0, 3),
         ("unit/tree_origins", 5, 20),
         ("unit/warmstart_off", 1, 5),
     ];

@@ -71,7 +71,7 @@ impl<'a, L: Block> Solve<'a, L> {
         if constraint.coupled && !constraint.contact_rows.iter().all(of_pair) {
             return None;
         }
-        let (cross, joining) = (constraint.cross, constraint.equality.cross);
+        let (cross, joining) = (constraint.cross, constraint.joining());
         // Whatever of them acts later fits where all do.
         let full = || [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
         if tiled && cross {

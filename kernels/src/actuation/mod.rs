@@ -6,7 +6,7 @@ mod transmission;
 use crate::fields::fields;
 use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::{norm, splat};
-use crate::model::{Actuator, Dynamics, Instance, Model, Transmission};
+use crate::model::{Actuator, Dynamics, Instance, Model, Tendon, Transmission};
 use crate::passive::Passive;
 use crate::position::Position;
 use crate::state::State;
@@ -25,7 +25,7 @@ fields! {
         pub act_dot: Vec<L> = sizes.na,
         /// Force.
         pub force: Vec<L> = sizes.nu,
-        /// Force of each tendon's actuators together, of tendons that bound it, before they do.
+        /// Force of each tendon's actuators together, of tendons that bound it.
         pub total: Vec<L> = sizes.ntendon,
         /// Moments: generalised force per unit of force, on the dofs of [`Model::moment_dofs`].
         pub moment: Vec<L> = sizes.nmoment,
@@ -99,6 +99,9 @@ pub fn actuation<L: Lane>(
             let out = &mut qfrc_actuator[entry.dof as usize];
             *out = moment.mul_add(force[a], *out);
         }
+    }
+    for (t, _) in bounding(&model) {
+        actuation.total[t] = total(&model, t, &actuation.force);
     }
     route_to_joints(&model, passive, &mut actuation.qfrc_actuator);
     !good
@@ -175,17 +178,27 @@ fn force<L: Lane>(model: Instance<'_, L>, a: usize, input: L, length: L, velocit
 
 /// Where the forces of a tendon's actuators together are beyond its bounds, each gets its share of what is within.
 fn bound_by_tendons<L: Lane>(model: &Model<L::Real>, actuation: &mut Actuation<L>) {
-    let Actuation { force, total, .. } = actuation;
-    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.force_limited) {
-        let own = || (0..).zip(&model.actuators).filter(|(_, actuator)| actuator.tendon as usize == t);
-        total[t] = own().fold(L::zero(), |sum, (a, _): (usize, _)| sum + force[a]);
-        let within = clamp(total[t], &tendon.force_range);
-        let bound = !within.eq(total[t]);
-        let share = within / L::select(bound, total[t], L::one());
-        for (a, _) in own() {
+    let force = &mut actuation.force;
+    for (t, tendon) in bounding(model) {
+        let total = total(model, t, force);
+        let within = clamp(total, &tendon.force_range);
+        let bound = !within.eq(total);
+        let share = within / L::select(bound, total, L::one());
+        for (a, _) in model.actuators.iter().enumerate().filter(|(_, actuator)| actuator.tendon as usize == t) {
             force[a] = L::select(bound, share * force[a], force[a]);
         }
     }
+}
+
+/// The tendons that bound what their actuators pull together.
+fn bounding<T>(model: &Model<T>) -> impl Iterator<Item = (usize, &Tendon<T>)> {
+    model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.force_limited)
+}
+
+/// Force of a tendon's actuators together.
+fn total<L: Lane>(model: &Model<L::Real>, tendon: usize, force: &[L]) -> L {
+    let own = model.actuators.iter().zip(force).filter(|(actuator, _)| actuator.tendon as usize == tendon);
+    own.fold(L::zero(), |sum, (_, force)| sum + *force)
 }
 
 /// What an actuator's force gains with its length and its velocity, where it is at no bound.

@@ -336,6 +336,12 @@ impl<L: Lane> Constraint<L> {
         self.contact_rows.iter().filter(|row| row.sides == Sides::Apart)
     }
 
+    /// Worlds in which some equality constraint or row along a tendon acts that couples dofs that the inertia matrix does not.
+    #[inline(always)]
+    pub fn joining(&self) -> u32 {
+        self.equality.cross | self.joint_cross
+    }
+
     /// No row acts in any world.
     pub fn clear(&mut self) {
         if self.joint_lanes != 0 {

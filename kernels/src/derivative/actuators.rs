@@ -1,7 +1,7 @@
 //! What actuator forces gain with velocity, and with length.
 
 use crate::actuation::{Actuation, slopes};
-use crate::lane::{Lane, Mask};
+use crate::lane::{Lane, Mask, Real};
 use crate::model::{Dof, Instance, MomentDof, NONE};
 use crate::options::Integrator;
 
@@ -63,7 +63,10 @@ pub(super) fn gains<L: Lane>(model: Instance<'_, L>, actuation: &Actuation<L>, m
             free = free & within(actuation.qfrc_actuator[joint.dof as usize], &joint.force_range);
         }
         if let Some(tendon) = model.tendons.get(actuator.tendon as usize).filter(|tendon| tendon.force_limited) {
-            free = free & within(actuation.total[actuator.tendon as usize], &tendon.force_range);
+            // Shares of a bound add up to it but for rounding; less, where an actuator's own bound holds it back.
+            let [low, high] = tendon.force_range.map(L::splat);
+            let (total, close) = (actuation.total[actuator.tendon as usize], L::of(1.0 - 16.0 * L::Real::EPSILON));
+            free = free & total.gt(close * low) & total.lt(close * high);
         }
         f(Gain {
             dofs: &model.moment_dofs[actuator.moments.range()],

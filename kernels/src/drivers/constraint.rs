@@ -40,7 +40,7 @@ fn measure(parts: &mut dyn Parts) {
 /// Lists the contacts that act in some world, and makes room for their numbers.
 fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
-    (constraint.cross, constraint.coupled) = (constraint.equality.cross | constraint.joint_cross != 0, false);
+    (constraint.cross, constraint.coupled) = (constraint.joining() != 0, false);
     constraint.contact_lanes = 0;
     let (mut component, mut jacobian) = (0, 0);
     for (contact, slot) in (0..).zip(&collision.slots) {

@@ -162,7 +162,7 @@ impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
         }
         let joins = |row: &&ContactRow| row.lanes & acting != 0 && model.pairs[row.pair as usize].cross;
         let constraint = &step.ws.constraint;
-        let joined = || constraint.equality.cross & acting != 0 || rows.iter().any(|row| joins(&row));
+        let joined = || constraint.joining() & acting != 0 || rows.iter().any(|row| joins(&row));
         if !constraint.cross || !joined() {
             return Factor::Tree;
         }

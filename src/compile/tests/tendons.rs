@@ -118,3 +118,20 @@ fn replicas() {
     assert_eq!(real(&model, "eq_obj1id"), [0.0, 2.0]);
     assert_eq!(real(&model, "eq_obj2id"), [1.0, 3.0]);
 }
+
+/// What actuators ask of tendons.
+#[test]
+fn actuators() {
+    let tendons = "<fixed name='t'><joint joint='a' coef='1'/></fixed>\
+        <spatial name='w'><site site='w0'/><geom geom='g'/><site site='s1'/></spatial>";
+    for (actuator, message) in [
+        ("<motor name='m' tendon='u'/>", "acts on an unknown tendon \"u\""),
+        ("<position name='m' tendon='t' inheritrange='1'/>", "inheritrange, but tendon \"t\" has no range"),
+        ("<general name='m' tendon='w' armature='1'/>", "armature, but tendon \"w\" wraps a geom"),
+        ("<motor name='m' tendon='t' joint='a'/>", "both joint and tendon are given"),
+    ] {
+        let text = format!("<mujoco>{BODIES}<tendon>{tendons}</tendon><actuator>\n{actuator}</actuator></mujoco>");
+        let problem = Model::from_xml_string(&text, &Default::default()).expect_err(actuator).to_string();
+        assert!(problem.contains("2: ") && problem.contains("\"m\": ") && problem.contains(message), "{problem}");
+    }
+}
