@@ -11,6 +11,7 @@ use lanesim_kernels::tendon;
 use super::bounds;
 use super::derived::Derived;
 use super::equality::between;
+use super::joints::Reflected;
 use super::lengthrange;
 use super::links::Links;
 use super::names::label;
@@ -23,13 +24,6 @@ use crate::model::ElementNames;
 use crate::spec::{self, Bias, Gain, Spec, is_limited};
 
 const MINVAL: f64 = 1e-15;
-
-/// Armature and damping that actuators add to every dof of a joint.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Reflected {
-    pub armature: f64,
-    pub damping: [f64; 3],
-}
 
 /// What an actuator acts on, in MuJoCo's numbering: a joint, a tendon, or sites.
 pub(crate) enum Target {

@@ -2,10 +2,8 @@
 
 use std::collections::HashSet;
 
-use super::equality;
 use super::lengthrange::MOST_STEPS;
 use super::names::{self, label};
-use super::tendons;
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{
     Actuator, Bias, Body, Dynamics, Gain, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Pair, Path,
@@ -139,8 +137,6 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
         }
     }
     check_contact(spec, diagnostics);
-    tendons::check(spec, diagnostics);
-    equality::check(spec, diagnostics);
     check_actuators(spec, diagnostics);
     check_keys(spec, diagnostics);
     tree

@@ -11,7 +11,6 @@ use super::heavy::Heavy;
 use super::links::Links;
 use super::order::Scene;
 use super::pose::{rotation, skew, unit_quat};
-use super::response::Response;
 use crate::spec;
 
 /// A motion or a force: rotational and translational part.
@@ -119,6 +118,14 @@ pub(crate) struct Derived {
     pub body_invweight0: Vec<[f64; 2]>,
     /// The inertia matrix with armature of tendons, if they have any.
     heavy: Option<Heavy>,
+}
+
+/// The accelerations that a force causes.
+pub(super) struct Response {
+    /// Norm over all dofs.
+    pub norm: f64,
+    /// Acceleration along the force itself, the inverse of the mass that it feels.
+    pub along: f64,
 }
 
 impl Derived {

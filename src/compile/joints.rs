@@ -3,13 +3,19 @@
 use glam::DVec3;
 use lanesim_kernels::model::{AxisKind, Dof, DofKind, Joint, JointKind, NONE};
 
-use super::actuators::Reflected;
 use super::bounds;
 use super::derived;
 use super::links::Links;
 use super::order::{self, Scene};
 use super::pose::snap;
 use crate::spec::{self, is_limited};
+
+/// Armature and damping that actuators add to every dof of a joint.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Reflected {
+    pub armature: f64,
+    pub damping: [f64; 3],
+}
 
 /// The joints of a scene, without what `springdamper` says.
 pub(crate) fn joints(scene: &Scene, links: &Links) -> Vec<Joint<f64>> {

@@ -71,6 +71,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let spec = &*placed;
     let mut notes = spec.notes.clone();
     let tree = check::check(spec, &mut diagnostics);
+    tendons::check(spec, &mut diagnostics);
+    equality::check(spec, &mut diagnostics);
     sensors::check(spec, &mut diagnostics);
     if !tree {
         return Err(diagnostics.first());
@@ -115,8 +117,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let inverse = InverseWeights { dofs: &derived.dof_invweight0, tendons: &tendons.invweight0 };
     let limits = constraints::limits(spec, &scene, &tendons.table, inverse);
     let friction_losses = constraints::friction_losses(spec, &scene, &tendons.table, inverse);
-    let along = tendons.joining(&limits, &friction_losses);
-    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &equalities, &along).unwrap_or_else(|n| {
+    let listed: Vec<Vec<u32>> = equalities.joining().chain(tendons.joining(&limits, &friction_losses)).collect();
+    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &listed).unwrap_or_else(|n| {
         let message = format!("{n} degrees of freedom are coupled: the inertia matrix is too large");
         diagnostics.push(
             &Source::default(),
@@ -140,7 +142,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let keys = keys::keys(spec, &scene);
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
-        sizes: sizes(&scene, &links, &tendons, &actuators, &pairs, &equalities, &sensors, nm),
+        sizes: sizes((&scene, &links), &tendons, &actuators, &pairs, &equalities, &sensors, nm),
         options: spec.option.clone().limited(),
         features: features(&spec.option, &links, &joints, &dofs, &tendons.table, &actuators),
         joints,
@@ -295,8 +297,7 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
 }
 
 fn sizes(
-    scene: &Scene,
-    links: &Links,
+    (scene, links): (&Scene, &Links),
     tendons: &Tendons,
     actuators: &Actuators,
     pairs: &pairs::Pairs,

@@ -10,6 +10,34 @@ pub(crate) fn label(kind: &str, name: &str, index: usize) -> String {
     if name.is_empty() { format!("{kind} #{index}") } else { format!("{kind} {}", quoted(name)) }
 }
 
+/// Elements of which one sentence is true.
+#[derive(Default)]
+pub(super) struct List {
+    /// Where the first is.
+    source: Source,
+    labels: Vec<String>,
+}
+
+impl List {
+    pub fn push(&mut self, source: &Source, label: String) {
+        if self.labels.is_empty() {
+            self.source = source.clone();
+        }
+        self.labels.push(label);
+    }
+
+    /// The sentence with the place of the first element, the first few, and how many more there are; `None` of nothing.
+    pub fn sentence(&self, what: &str) -> Option<String> {
+        const SHOWN: usize = 5;
+        let shown = self.labels.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
+        let more = match self.labels.len().saturating_sub(SHOWN) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        (!self.labels.is_empty()).then(|| self.source.placed(&format!("{what}: {shown}{more}")))
+    }
+}
+
 /// Refuses two elements of one kind and one name.
 pub(crate) fn check_unique(spec: &Spec, diagnostics: &mut Diagnostics) {
     let bodies = &spec.bodies;

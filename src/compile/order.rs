@@ -7,9 +7,8 @@ use glam::DVec3;
 
 use super::check::{dof_count, qpos_count, used_sizes};
 use super::inertia::{self, Mass};
-use super::names::label;
+use super::names::{List, label};
 use super::pose::Pose;
-use super::report::List;
 use crate::diagnostics::Diagnostics;
 use crate::spec::{self, Held, InertiaFromGeom, JointKind, ObjectKind, Path, Spec, Waypoint};
 

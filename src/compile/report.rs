@@ -2,7 +2,7 @@
 
 use super::constraints::raised;
 use super::links::Links;
-use super::names::label;
+use super::names::{List, label};
 use super::order::Scene;
 use crate::spec::{JointKind, Source, Spec, Tri, is_limited};
 
@@ -87,34 +87,6 @@ fn empty_ranges(spec: &Spec, scene: &Scene) -> List {
         check(at, "actrange", actuator.actrange, actuator.actlimited);
     }
     list
-}
-
-/// Elements of which one sentence is true.
-#[derive(Default)]
-pub(super) struct List {
-    /// Where the first is.
-    source: Source,
-    labels: Vec<String>,
-}
-
-impl List {
-    pub fn push(&mut self, source: &Source, label: String) {
-        if self.labels.is_empty() {
-            self.source = source.clone();
-        }
-        self.labels.push(label);
-    }
-
-    /// The sentence with the place of the first element, the first few, and how many more there are; `None` of nothing.
-    pub fn sentence(&self, what: &str) -> Option<String> {
-        const SHOWN: usize = 5;
-        let shown = self.labels.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
-        let more = match self.labels.len().saturating_sub(SHOWN) {
-            0 => String::new(),
-            more => format!(" and {more} more"),
-        };
-        (!self.labels.is_empty()).then(|| self.source.placed(&format!("{what}: {shown}{more}")))
-    }
 }
 
 /// MuJoCo's counts of elements.

@@ -7,7 +7,7 @@
 
 use lanesim_kernels::model::{MomentDof, NONE};
 
-use super::derived::{Hinge, Spatial, Symmetric};
+use super::derived::{Hinge, Response, Spatial, Symmetric};
 
 /// Squared accelerations of the subtrees of a model, as forms in the motion that carries them.
 pub(super) struct Responses<'a> {
@@ -16,14 +16,6 @@ pub(super) struct Responses<'a> {
     beyond: Vec<Symmetric>,
     /// Of a dof's siblings and all that they carry, by the motion behind their parent.
     beside: Vec<Symmetric>,
-}
-
-/// The accelerations that a force causes.
-pub(super) struct Response {
-    /// Norm over all dofs.
-    pub norm: f64,
-    /// Acceleration along the force itself, the inverse of the mass that it feels.
-    pub along: f64,
 }
 
 impl<'a> Responses<'a> {

@@ -1,20 +1,17 @@
 //! Storage and sparsity of the inertia matrix and of the solver's Hessian.
 
-use lanesim_kernels::model::{Dof, NONE, Pair, PairDof, Pattern, Rows, Span, TendonDof};
-
-use super::equality::Equalities;
+use lanesim_kernels::model::{Dof, NONE, Pair, PairDof, Pattern, Rows, Span};
 
 /// Most entries of the storage.
 const MAX_ENTRIES: usize = 1 << 26;
 
-/// The skyline: every row starts at the lowest dof that can be coupled to it, by the tree, by contacts, equality constraints and
-/// tendons between branches, or by fill when dofs are eliminated from the last to the first. With it the number of entries; `Err` with the number
+/// The skyline: every row starts at the lowest dof that can be coupled to it, by the tree, by contacts and the `listed` dofs of equality
+/// constraints and tendons between branches, or by fill when dofs are eliminated from the last to the first. With it the number of entries; `Err` with the number
 /// of dofs if there are too many.
 pub(crate) fn skyline(
     dofs: &[Dof<f64>],
     (pairs, pair_dofs): (&[Pair<f64>], &[PairDof]),
-    equalities: &Equalities,
-    tendons: &[&[TendonDof<f64>]],
+    listed: &[Vec<u32>],
 ) -> Result<(Rows, usize), usize> {
     let n = dofs.len();
     let mut first: Vec<u32> = Vec::with_capacity(n);
@@ -27,12 +24,8 @@ pub(crate) fn skyline(
         let coupled = &pair_dofs[pair.dofs.range()];
         coupled.iter().for_each(|entry| couple(coupled[0].dof, entry.dof));
     }
-    for equality in equalities.table.iter().filter(|e| e.cross) {
-        let coupled = &equalities.dofs[equality.dofs.range()];
-        coupled.iter().for_each(|entry| couple(coupled[0].dof, entry.dof));
-    }
-    for coupled in tendons {
-        coupled.iter().for_each(|entry| couple(coupled[0].dof, entry.dof));
+    for coupled in listed {
+        coupled.iter().for_each(|dof| couple(coupled[0], *dof));
     }
     let entries = |first: &[u32]| -> usize { first.iter().enumerate().map(|(i, &f)| i + 1 - f as usize).sum() };
     if entries(&first) > MAX_ENTRIES {
@@ -55,6 +48,19 @@ pub(crate) fn skyline(
         offset += i as u32 + 1 - f;
     }
     Ok((Rows { start, first }, total))
+}
+
+/// Whether some of these dofs, which ascend, lie on different branches.
+pub(super) fn joins(dofs: &[Dof<f64>], moved: &[u32]) -> bool {
+    let above = |low: u32, high: u32| {
+        let mut at = high;
+        while at != NONE && at > low {
+            at = dofs[at as usize].parent;
+        }
+        at == low
+    };
+    // Ascending, so that of a chain each is above the next.
+    moved.windows(2).any(|two| !above(two[0], two[1]))
 }
 
 /// The ancestors of every dof, itself left out, as runs.
@@ -112,7 +118,7 @@ mod tests {
 
     #[test]
     fn rows_start_at_the_root() {
-        let (rows, n) = skyline(&dofs(&FOREST), (&[], &[]), &Equalities::default(), &[]).unwrap();
+        let (rows, n) = skyline(&dofs(&FOREST), (&[], &[]), &[]).unwrap();
         assert_eq!(rows.first, [0, 0, 0, 0, 0, 5, 5]);
         assert_eq!(rows.start, [0, 1, 3, 6, 10, 15, 16]);
         assert_eq!((n, rows.at(4, 3), rows.diagonal(6)), (18, 13, 17));

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::defaults::{Classes, MAIN};
-use super::geom::RawGeom;
+use super::geom::{Held, RawGeom};
 use super::joint;
 use super::orientation::{Angles, Orientation, Pose, mul, rotate};
 use super::reader::Reader;
@@ -33,32 +33,6 @@ struct Scope {
     replicated: bool,
     /// Whether that body has an `inertial`, and whether it can move.
     held: Held,
-}
-
-/// What a body has that decides what its geoms count for.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Held {
-    pub inertial: bool,
-    pub moves: bool,
-}
-
-impl Held {
-    /// Looks at a body's own children, and into frames.
-    fn of(tree: &Tree, body: usize, around: Held) -> Held {
-        let mut held = Held { inertial: false, ..around };
-        let mut open = vec![body];
-        while let Some(index) = open.pop() {
-            for &child in &tree[index].children {
-                match tree[child].tag.as_str() {
-                    "joint" | "freejoint" => held.moves = true,
-                    "inertial" => held.inertial = true,
-                    "frame" => open.push(child),
-                    _ => {}
-                }
-            }
-        }
-        held
-    }
 }
 
 /// What is still to be done.

@@ -1,9 +1,7 @@
 //! `equality`: connect, weld, joint, tendon.
 
-use super::defaults::{Classes, MAIN};
 use super::reader::Reader;
-use super::report::Report;
-use super::tree::{Element, Tree};
+use super::tree::Element;
 use crate::spec::{Equality, Held};
 
 /// Reads what all kinds and their default have in common.
@@ -18,26 +16,8 @@ pub(super) fn built(element: &Element) -> bool {
     matches!(element.tag.as_str(), "connect" | "weld" | "joint" | "tendon")
 }
 
-/// Reads the sections.
-pub(super) fn all(tree: &Tree, classes: &Classes, report: &mut Report) -> Vec<Equality> {
-    let mut equalities = Vec::new();
-    for index in tree.section("equality").filter(|&index| built(&tree[index])) {
-        let element = &tree[index];
-        let class = classes.named(element, "class", MAIN, report);
-        let mut reader = Reader::new(element, report);
-        let mut equality = classes[class].equality.clone();
-        read(&mut reader, &mut equality);
-        equality.name = reader.text("name");
-        equality.source = element.source.clone();
-        if let Some(held) = held(&mut reader) {
-            equalities.push(Equality { held, ..equality });
-        }
-    }
-    equalities
-}
-
 /// What an element holds; `None` if it does not say, which is reported.
-fn held(reader: &mut Reader) -> Option<Held> {
+pub(super) fn held(reader: &mut Reader) -> Option<Held> {
     let pair = |reader: &Reader, first, second| [reader.text(first), reader.text(second)];
     match reader.element.tag.as_str() {
         kind @ ("joint" | "tendon") => {

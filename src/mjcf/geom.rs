@@ -1,10 +1,9 @@
 //! `geom` and `site`.
 
-use super::body::Held;
 use super::orientation::{Angles, Orientation, from_z};
 use super::reader::Reader;
 use super::report::Report;
-use super::tree::Element;
+use super::tree::{Element, Tree};
 use crate::spec::{Compiler, Geom, GeomMass, InertiaFromGeom, Shape, Site};
 
 /// The shapes of MJCF: ours, and those that are not supported.
@@ -118,6 +117,32 @@ fn span(shape: Shape, mut size: [f64; 3], ends: [f64; 6]) -> Result<Resolved, &'
     }
     let quat = from_z(axis).ok_or("the two points of fromto coincide")?;
     Ok(Resolved { shape, size, pos: [0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)], quat })
+}
+
+/// What a body has that decides what its geoms count for.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Held {
+    pub inertial: bool,
+    pub moves: bool,
+}
+
+impl Held {
+    /// Looks at a body's own children, and into frames.
+    pub fn of(tree: &Tree, body: usize, around: Held) -> Held {
+        let mut held = Held { inertial: false, ..around };
+        let mut open = vec![body];
+        while let Some(index) = open.pop() {
+            for &child in &tree[index].children {
+                match tree[child].tag.as_str() {
+                    "joint" | "freejoint" => held.moves = true,
+                    "inertial" => held.inertial = true,
+                    "frame" => open.push(child),
+                    _ => {}
+                }
+            }
+        }
+        held
+    }
 }
 
 /// A geom as written, or its default.

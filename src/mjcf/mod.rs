@@ -136,8 +136,8 @@ fn read_model(
 
     let classes = Classes::read(&tree, &mut report);
     let (pairs, excludes) = contacts(&tree, &classes, &mut report);
-    let tendons = tendon::all(&tree, &classes, &mut report);
-    let equalities = equality::all(&tree, &classes, &mut report);
+    let tendons = tendons(&tree, &classes, &mut report);
+    let equalities = equalities(&tree, &classes, &mut report);
     let actuators = actuators(&tree, &classes, &mut report);
     let sensors = sensor::all(&tree, &mut report);
     let lost_coordinates = tree.section("deformable").any(|index| tree[index].tag != "skin");
@@ -277,6 +277,44 @@ fn contacts(tree: &Tree, classes: &Classes, report: &mut Report) -> (Vec<Pair>, 
         }
     }
     (pairs, excludes)
+}
+
+/// Reads the sections.
+fn tendons(tree: &Tree, classes: &Classes, report: &mut Report) -> Vec<Tendon> {
+    let mut tendons = Vec::new();
+    for index in tree.section("tendon") {
+        let element = &tree[index];
+        let path = match element.tag.as_str() {
+            "fixed" => tendon::joints(tree, index, report),
+            "spatial" => tendon::waypoints(tree, index, report),
+            _ => continue,
+        };
+        let class = classes.named(element, "class", MAIN, report);
+        let mut reader = Reader::new(element, report);
+        let mut tendon = classes[class].tendon.clone();
+        tendon::read(&mut reader, &mut tendon);
+        (tendon.name, tendon.source) = (reader.text("name"), element.source.clone());
+        tendons.push(Tendon { path, ..tendon });
+    }
+    tendons
+}
+
+/// Reads the sections.
+fn equalities(tree: &Tree, classes: &Classes, report: &mut Report) -> Vec<Equality> {
+    let mut equalities = Vec::new();
+    for index in tree.section("equality").filter(|&index| equality::built(&tree[index])) {
+        let element = &tree[index];
+        let class = classes.named(element, "class", MAIN, report);
+        let mut reader = Reader::new(element, report);
+        let mut equality = classes[class].equality.clone();
+        equality::read(&mut reader, &mut equality);
+        equality.name = reader.text("name");
+        equality.source = element.source.clone();
+        if let Some(held) = equality::held(&mut reader) {
+            equalities.push(Equality { held, ..equality });
+        }
+    }
+    equalities
 }
 
 fn actuators(tree: &Tree, classes: &Classes, report: &mut Report) -> Vec<Entry> {

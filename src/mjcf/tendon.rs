@@ -1,6 +1,5 @@
 //! `tendon`: fixed and spatial.
 
-use super::defaults::{Classes, MAIN};
 use super::reader::Reader;
 use super::report::Report;
 use super::tree::{Element, Tree};
@@ -32,27 +31,7 @@ pub(super) fn read(reader: &mut Reader, tendon: &mut Tendon) {
     reader.neutral("springyield", "yielding springs (springyield) are");
 }
 
-/// Reads the sections.
-pub(super) fn all(tree: &Tree, classes: &Classes, report: &mut Report) -> Vec<Tendon> {
-    let mut tendons = Vec::new();
-    for index in tree.section("tendon") {
-        let element = &tree[index];
-        let path = match element.tag.as_str() {
-            "fixed" => joints(tree, index, report),
-            "spatial" => waypoints(tree, index, report),
-            _ => continue,
-        };
-        let class = classes.named(element, "class", MAIN, report);
-        let mut reader = Reader::new(element, report);
-        let mut tendon = classes[class].tendon.clone();
-        read(&mut reader, &mut tendon);
-        (tendon.name, tendon.source) = (reader.text("name"), element.source.clone());
-        tendons.push(Tendon { path, ..tendon });
-    }
-    tendons
-}
-
-fn joints(tree: &Tree, index: usize, report: &mut Report) -> Path {
+pub(super) fn joints(tree: &Tree, index: usize, report: &mut Report) -> Path {
     let mut joints = Vec::new();
     for element in tree.children(index) {
         let mut reader = Reader::new(element, report);
@@ -66,7 +45,7 @@ fn joints(tree: &Tree, index: usize, report: &mut Report) -> Path {
     Path::Fixed(joints)
 }
 
-fn waypoints(tree: &Tree, index: usize, report: &mut Report) -> Path {
+pub(super) fn waypoints(tree: &Tree, index: usize, report: &mut Report) -> Path {
     Path::Spatial(tree.children(index).filter_map(|element| waypoint(element, report)).collect())
 }
 

@@ -36,10 +36,10 @@ pub(super) fn load<L: Lane>(
     applied: Option<&Applied<L>>,
     seen: &Seen<'_, L>,
 ) -> [Vec3<L>; 2] {
-    let site = Frame::new(&model, &seen.position, sensor.mount);
+    let site = Frame::new(&model, seen.position, sensor.mount);
     let mut load = Load { base: site.origin, at: site.pos, torque: zero(), force: zero() };
     for b in sensor.bodies.range().filter(|b| *b > 0) {
-        let body = Body::new(model, &seen.position, b);
+        let body = Body::new(model, seen.position, b);
         let [turn, _] = body.velocity(seen);
         let [turning, rising] = point_acceleration(model, seen, body.link, &body.com);
         let torque = add(&body.spin(&turning), &cross(&turn, &body.spin(&turn)));
@@ -76,7 +76,7 @@ pub(super) fn load<L: Lane>(
 
 /// Sum of the normal forces of the contacts of the body of a site that push through the site.
 pub(super) fn touch<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, seen: &Seen<'_, L>) -> L {
-    let site = Frame::new(&model, &seen.position, sensor.mount);
+    let site = Frame::new(&model, seen.position, sensor.mount);
     let mut sum = L::zero();
     rows::contacts(model, seen, |contact| {
         if !contact.bodies.contains(&sensor.id) {

@@ -201,6 +201,9 @@ mod tests {
             assert!(inside::<f64>(shape, &size, &[0.5, 0.0, 0.0]), "{shape:?}");
             assert!(!inside::<f64>(shape, &size, &[1.1, 0.0, 0.0]), "{shape:?}");
         }
-        assert!(inside::<f64>(Shape::Capsule, &size, &[0.0, 0.0, 2.9]) && !inside::<f64>(Shape::Cylinder, &size, &[0.0, 0.0, 2.9]));
+        assert!(
+            inside::<f64>(Shape::Capsule, &size, &[0.0, 0.0, 2.9])
+                && !inside::<f64>(Shape::Cylinder, &size, &[0.0, 0.0, 2.9])
+        );
     }
 }

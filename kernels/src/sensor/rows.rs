@@ -77,7 +77,7 @@ pub(super) fn holds<L: Lane>(model: Instance<'_, L>, seen: &Seen<'_, L>, mut f: 
         let acts = seen.constraint.equality.d[equality.row as usize].gt(L::zero());
         let part = |at: usize| [0, 1, 2].map(|i| L::select(acts, rows[at + i], L::zero()));
         let torque = if equality.kind == EqualityKind::Weld { torque(equality, seen, &part(3)) } else { zero() };
-        let place = |side: usize| Frame::fixed(&model, &seen.position, equality.links[side], &equality.pos[side]);
+        let place = |side: usize| Frame::fixed(&model, seen.position, equality.links[side], &equality.pos[side]);
         f(Holding { bodies: equality.bodies, places: [place(0), place(1)], force: part(0), torque });
     }
 }

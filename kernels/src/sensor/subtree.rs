@@ -106,7 +106,7 @@ pub(super) fn centre<L: Lane>(model: Instance<'_, L>, position: &Position<L>, bo
 pub(super) fn velocity<L: Lane>(model: Instance<'_, L>, seen: &Seen<'_, L>, bodies: Span) -> Vec3<L> {
     let mut momentum = zero();
     for b in bodies.range() {
-        let body = Body::new(model, &seen.position, b);
+        let body = Body::new(model, seen.position, b);
         momentum = scale_add(body.mass, &body.velocity(seen)[1], &momentum);
     }
     scale(mass(model, bodies).1, &momentum)

@@ -12,6 +12,7 @@ use super::derived::Derived;
 use super::links::Links;
 use super::order::Scene;
 use super::pose::{Pose, unit_quat, wxyz};
+use super::rows::joins;
 use super::tendons::Tendons;
 use crate::model::{ElementNames, Names};
 use crate::spec::{self, Held, Spec};
@@ -162,6 +163,12 @@ impl Equalities {
         self.table.push(entry);
     }
 
+    /// The dofs of each that couples what the tree does not.
+    pub fn joining(&self) -> impl Iterator<Item = Vec<u32>> {
+        let dofs = |entry: &Equality<f64>| self.dofs[entry.dofs.range()].iter().map(|entry| entry.dof).collect();
+        self.table.iter().filter(|entry| entry.cross).map(dofs)
+    }
+
     /// Gives the tables the inverse weights that follow from other masses.
     pub fn reweigh(
         table: &mut [Equality<f64>],
@@ -303,17 +310,4 @@ pub(super) fn between(dofs: &[Dof<f64>], links: &Links, sides: [u32; 2]) -> Vec<
     }
     out.reverse();
     out
-}
-
-/// Whether some of these dofs, which ascend, lie on different branches.
-pub(super) fn joins(dofs: &[Dof<f64>], moved: &[u32]) -> bool {
-    let above = |low: u32, high: u32| {
-        let mut at = high;
-        while at != NONE && at > low {
-            at = dofs[at as usize].parent;
-        }
-        at == low
-    };
-    // Ascending, so that of a chain each is above the next.
-    moved.windows(2).any(|two| !above(two[0], two[1]))
 }

@@ -10,16 +10,14 @@ use lanesim_kernels::options::Integrator;
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::tendon::{self, Tendons as Stage};
 
-use super::actuators::Reflected;
 use super::bounds;
 use super::derived::Derived;
-use super::equality::{Equalities, joins};
 use super::heavy::Heavy;
-use super::joints::{qpos_spring, qpos0};
+use super::joints::{Reflected, qpos_spring, qpos0};
 use super::links::Links;
 use super::names::label;
 use super::order::Scene;
-use super::rows::{skyline, tree_pattern};
+use super::rows::{joins, skyline, tree_pattern};
 use crate::diagnostics::Diagnostics;
 use crate::model::ElementNames;
 use crate::spec::{self, Path, Spec, is_limited};
@@ -177,7 +175,7 @@ impl Tendons {
         if model.tendons.iter().all(|tendon| !tendon.heavy) {
             return None;
         }
-        let (rows, nm) = skyline(dofs, (&[], &[]), &Equalities::default(), &[]).ok()?;
+        let (rows, nm) = skyline(dofs, (&[], &[]), &[]).ok()?;
         (model.rows, model.sizes.nm, model.tree_pattern) = (rows, nm, tree_pattern(dofs));
         model.qpos0 = qpos0(scene);
         Heavy::new(&model)
@@ -189,10 +187,11 @@ impl Tendons {
     }
 
     /// Lists of dofs that rows along tendons couple beyond the inertia matrix.
-    pub fn joining(&self, limits: &[Limit<f64>], losses: &[FrictionLoss<f64>]) -> Vec<&[TendonDof<f64>]> {
+    pub fn joining(&self, limits: &[Limit<f64>], losses: &[FrictionLoss<f64>]) -> Vec<Vec<u32>> {
         let held = limits.iter().map(|limit| limit.tendon).chain(losses.iter().map(|loss| loss.tendon));
         let tendons = held.filter(|tendon| *tendon != NONE).map(|tendon| tendon as usize);
-        tendons.filter(|tendon| self.table[*tendon].cross).map(|tendon| self.dofs_of(tendon)).collect()
+        let dofs = |tendon: usize| self.dofs_of(tendon).iter().map(|entry| entry.dof).collect();
+        tendons.filter(|tendon| self.table[*tendon].cross).map(dofs).collect()
     }
 
     /// The dofs of a tendon.
