@@ -11,7 +11,7 @@ use support::{agree, load, options, parse};
 fn measures(precision: Precision, tolerance: f64, floor: f64) {
     let mut failures = Failures::default();
     let mut seen = 0;
-    for golden in Golden::all().into_iter().filter(|golden| golden.model.names().sensors.len() > 0) {
+    for golden in Golden::all().into_iter().filter(|golden| !golden.model.names().sensors.is_empty()) {
         seen += 1;
         let ours = golden.eval(&["sensordata"], 0, &options(precision, Backend::Auto));
         let expected = golden.rows(&golden.array("out/sensordata"));
