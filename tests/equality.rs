@@ -211,7 +211,8 @@ fn bad_constraints_are_refused_with_place_and_remedy() {
         ),
         ("<joint name='n' joint1='x'/><weld name='n' body1='a'/>", "repeated name"),
         ("<joint joint1='x' torquescale='2'/>", "unknown attribute \"torquescale\""),
-        ("<tendon tendon1='t'/>", "this kind of equality constraint is not supported"),
+        ("<tendon tendon1='t'/>", "tendon1 names an unknown tendon \"t\""),
+        ("<flex flex='f'/>", "this kind of equality constraint is not supported"),
     ] {
         let said = refusal(equality);
         assert!(said.contains(message), "{equality}: {said}\nexpected: {message}");

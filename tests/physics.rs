@@ -345,6 +345,7 @@ fn a_cylinder_nearly_flat_on_the_floor() {
 /// MuJoCo's numbers for the types of rows.
 const EQUALITY: f64 = 0.0;
 const FRICTION_DOF: f64 = 1.0;
+const FRICTION_TENDON: f64 = 2.0;
 const ELLIPTIC: f64 = 7.0;
 
 /// M a = smooth force + Jᵀf, and every row's force is what its law makes of its acceleration: -D (J a - aref), no pull in
@@ -370,7 +371,7 @@ fn solutions_are_optimal() {
     for golden in Golden::all().into_iter().filter(continuous) {
         let ours = golden.eval(&fields, 0, &options(Precision::F64, Backend::Wide));
         let nv = golden.model.tables().sizes.nv;
-        let loss = reals(&golden.model, "dof_frictionloss");
+        let losses = ["dof_frictionloss", "tendon_frictionloss"].map(|name| reals(&golden.model, name));
         for state in 0..golden.states() {
             let get = |name: &str| &ours[name][state][..];
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -385,10 +386,11 @@ fn solutions_are_optimal() {
             failures.check(|| place("M a - smooth force - Jᵀf"), agree(&residual, &vec![0.0; nv], 1e-9, size));
             for r in (0..nefc).filter(|r| get("efc_type")[*r] != ELLIPTIC) {
                 let free = -get("efc_D")[r] * (dot(row(r), a) - get("efc_aref")[r]);
-                let expected = if get("efc_type")[r] == FRICTION_DOF {
-                    let bound = loss[get("efc_id")[r] as usize];
+                let kind = get("efc_type")[r];
+                let expected = if kind == FRICTION_DOF || kind == FRICTION_TENDON {
+                    let bound = losses[usize::from(kind == FRICTION_TENDON)][get("efc_id")[r] as usize];
                     free.clamp(-bound, bound)
-                } else if get("efc_type")[r] == EQUALITY {
+                } else if kind == EQUALITY {
                     free
                 } else {
                     free.max(0.0)

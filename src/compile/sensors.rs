@@ -11,7 +11,7 @@ use super::order::{self, Scene};
 use super::pose::{Pose, row_major};
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::model::ElementNames;
-use crate::spec::{self, DataType, JointKind, NeedStage, Object, ObjectKind, Shape, Spec, is_limited};
+use crate::spec::{self, DataType, JointKind, NeedStage, Object, ObjectKind, Path, Shape, Spec, is_limited};
 
 /// Most numbers of all sensors.
 const MOST_NUMBERS: usize = 10_000_000;
@@ -79,6 +79,13 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
             element.refuse(format!("dim is {count}"), format!("this datatype has dim {wanted}"));
         }
         numbers = numbers.saturating_add(count);
+        if matches!(sensor.kind, SensorKind::Force | SensorKind::Torque)
+            && let Some(tendon) = spec.tendons.iter().find(|tendon| matches!(tendon.path, Path::Spatial(_)))
+        {
+            let what =
+                format!("forces of spatial tendons on bodies are not supported, and {} is one", quoted(&tendon.name));
+            element.refuse(what, "remove the sensor or the tendon");
+        }
         for object in sensor.object.iter().chain(&sensor.reference) {
             let word = object.kind.word();
             if object.name.is_empty() || known[word].binary_search(&object.name.as_str()).is_err() {

@@ -164,7 +164,11 @@ impl Output {
 
     /// The output called `name`, as [`Model::output`] says.
     pub(crate) fn of_model(model: &Model, name: &str) -> Result<Output, Error> {
-        let Some((kind, element)) = Point::split(name) else { return Output::named(name) };
+        let Some((kind, element)) = Point::split(name) else {
+            let output = Output::named(name)?;
+            output.check(model)?;
+            return Ok(output);
+        };
         kind.find(model, element).map(Output::jac)
     }
 
@@ -231,8 +235,15 @@ impl Output {
         fixed.then(|| shape.iter().product())
     }
 
-    /// An error if it is of an element that the model does not have.
+    /// An error if it is of an element that the model does not have, or if it would have to count forces that are not known by body.
     pub(crate) fn check(&self, model: &Model) -> Result<(), Error> {
+        let name = self.entry().name;
+        if matches!(name, "cfrc_ext" | "cfrc_int") && model.tables().tendons.iter().any(|tendon| !tendon.fixed()) {
+            return Err(Error::Unknown(format!(
+                "{name} of a model with spatial tendons is not supported: their forces on bodies are not known; \
+                 qfrc_passive, qfrc_actuator and qfrc_constraint have what they do to joints"
+            )));
+        }
         self.point.map_or(Ok(()), |point| point.check(model))
     }
 

@@ -60,6 +60,7 @@ pub fn actuation<L: Lane>(
     lengths(model, qpos, (position, tendons), actuation);
     actuation.qfrc_actuator.fill(L::zero());
     actuation.act_dot.fill(L::zero());
+    actuation.total.fill(L::zero());
     if !model.features.actuation {
         return L::Mask::splat(false);
     }

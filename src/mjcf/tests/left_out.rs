@@ -81,7 +81,7 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
 #[test]
 fn sensors_go_with_what_they_are_about() {
     let text = with_joint(
-        "<actuator><motor name='a' tendon='t'/></actuator>\
+        "<actuator><adhesion name='a' body='b'/></actuator>\
          <sensor><actuatorfrc actuator='a'/><camprojection site='s' camera='c'/><clock/></sensor>",
     );
     let spec = lenient(&text);
