@@ -18,11 +18,15 @@ use lanesim_codegen::{Block, Float, InstructionSet, Scratch, Windows};
 use lanesim_kernels::model::{Model as Tables, Quantities, Sides};
 use lanesim_kernels::part::{COLUMNS, Executor, Family, Item, KIND_COLUMNS, Op, Part, Parts, Step, Threes};
 use lanesim_kernels::solver::Tiling;
+use lanesim_kernels::workspace::Workspace;
 
 pub(crate) use library::ModelCode;
 use patterns::Found;
 use places::Places;
 use solve::Solve;
+
+/// Most bytes of a workspace of one world for which parts are recorded.
+const MOST_BYTES: usize = 32 << 20;
 
 const BOUND: &str = "a call that was just bound";
 
@@ -38,6 +42,14 @@ impl<T: Float> Default for Codes<T> {
 impl<T: Float> Codes<T> {
     /// The code for an instruction set, or the best that the machine has; if there can be none, why.
     pub fn get(&self, tables: &Arc<Tables<T>>, isa: Option<InstructionSet>) -> Result<Arc<ModelCode<T>>, String> {
+        // Every part is recorded in a workspace of its own.
+        let bytes = Workspace::<T>::bytes(tables);
+        if bytes > MOST_BYTES {
+            return Err(format!(
+                "the model is too large for machine code: its workspace has {} MiB a world",
+                bytes >> 20
+            ));
+        }
         let isa = isa.map_or_else(InstructionSet::detect, Ok).map_err(|e| e.to_string())?;
         let place = &self.0[usize::from(isa == InstructionSet::Avx512)];
         place.get_or_init(|| ModelCode::new(tables, isa).map(Arc::new).map_err(|e| e.to_string())).clone()
