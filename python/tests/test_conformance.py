@@ -53,6 +53,12 @@ def reference(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, np.ndarra
     return out
 
 
+def iterates(model: lanesim.Model) -> bool:
+    """Whether some shape can touch whose contacts with others than planes come from iterative routines, as good as their tolerance."""
+    colliding = model.geom_type[(model.geom_contype | model.geom_conaffinity) != 0]
+    return bool(np.isin(colliding, (4, 5, 7)).any())
+
+
 def meshes_collide(model: lanesim.Model) -> bool:
     """Whether some mesh can touch: which of many points stand for a flat contact is a choice, and not MuJoCo's."""
     return 7 in model.geom_type[(model.geom_contype | model.geom_conaffinity) != 0]
@@ -80,7 +86,7 @@ def mismatches(exact: mujoco.MjModel, model: lanesim.Model) -> list[str]:
         return out
     given = list(corpus.states(exact, STATES))
     worlds = lanesim.Worlds(model, STATES, threads=1)
-    for name in ("qpos", "qvel", "ctrl"):
+    for name in ("qpos", "qvel", "act", "ctrl"):
         worlds.set(name, np.array([getattr(data, name) for data in given]))
     theirs = [reference(exact, data) for data in given]
     names = [name for name in theirs[0] if name not in ("contact_dist", "edge")]

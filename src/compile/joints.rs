@@ -73,7 +73,9 @@ fn unit_axis(axis: [f64; 3]) -> [f64; 3] {
 }
 
 fn axis_kind(axis: [f64; 3]) -> AxisKind {
-    match (0..3).find(|&i| axis[i].abs() == 1.0) {
+    // Beside a component that rounds to one, another may be small and not zero.
+    let along = |i: usize| axis[i].abs() == 1.0 && (0..3).all(|k| k == i || axis[k] == 0.0);
+    match (0..3).find(|&i| along(i)) {
         Some(i) if axis[i] > 0.0 => AxisKind::Plus(i as u8),
         Some(i) => AxisKind::Minus(i as u8),
         None => AxisKind::General,
@@ -162,4 +164,15 @@ fn positions(scene: &Scene, scalar: impl Fn(&spec::Joint) -> f64) -> Vec<f64> {
         }
     }
     qpos
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_axis_that_is_nearly_straight_is_not() {
+        assert_eq!(axis_kind([0.0, 0.0, -1.0]), AxisKind::Minus(2));
+        assert_eq!(axis_kind([-2.3e-8, 0.0, -1.0]), AxisKind::General);
+    }
 }
