@@ -127,3 +127,30 @@ fn a_force_sensor_carries_the_weight_above_it() {
     let expected = [0.0, 0.0, 5.0 * 9.81, 0.0, -3.0 * 9.81 * 0.5, 0.0];
     assert!(found[0].iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{:?}", found[0]);
 }
+
+/// Built in code, a sensor may lack what MJCF demands, and a keyframe speak of a body that is not there.
+#[test]
+fn sensors_built_in_code_are_checked() {
+    use lanesim::spec::{Body, Geom, Joint, Key, KeyPart, Object, ObjectKind, Sensor, SensorKind, Shape, Site, Spec};
+    let build = |sensor: Sensor| {
+        let mut spec = Spec::new("");
+        let geoms = vec![Geom { shape: Shape::Sphere, size: [0.1, 0.0, 0.0], ..Geom::default() }];
+        let sites = vec![Site { name: "tip".into(), ..Site::default() }];
+        let joints = vec![Joint { name: "hinge".into(), ..Joint::default() }];
+        spec.add_body(0, Body { joints, geoms, sites, ..Body::default() });
+        spec.keys.push(Key { parts: vec![KeyPart { body: 9, ..KeyPart::default() }], ..Key::default() });
+        spec.sensors.push(sensor);
+        lanesim::compile(&spec)
+    };
+    let about = |kind: ObjectKind, name: &str| Some(Object { kind, name: name.into() });
+    let (site, joint) = (about(ObjectKind::Site, "tip"), about(ObjectKind::Joint, "hinge"));
+    for kind in SensorKind::ALL.iter().copied().filter(|kind| *kind != SensorKind::User) {
+        let alone = matches!(kind, SensorKind::EPotential | SensorKind::EKinetic | SensorKind::Clock);
+        assert_eq!(build(Sensor { kind, ..Sensor::default() }).is_ok(), alone, "{kind:?}");
+        let wrong = if kind.tag().starts_with("joint") || kind.tag().starts_with("ball") { &site } else { &joint };
+        assert!(build(Sensor { kind, object: wrong.clone(), ..Sensor::default() }).is_err(), "{kind:?}");
+    }
+    let inside = Sensor { kind: SensorKind::InsideSite, object: site.clone(), ..Sensor::default() };
+    assert!(build(inside.clone()).is_err());
+    assert!(build(Sensor { reference: site, ..inside }).is_ok());
+}

@@ -22,7 +22,11 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
     let complete = |key: &crate::spec::Key| {
         let (mut qpos, mut qvel) = (filled(&key.qpos, &defaults.qpos, 1), filled(&key.qvel, &defaults.qvel, 1));
         for part in &key.parts {
-            let Some(body) = scene.bodies.iter().find(|body| std::ptr::eq(body.spec, &spec.bodies[part.body])) else {
+            let Some(body) = scene
+                .bodies
+                .iter()
+                .find(|body| spec.bodies.get(part.body).is_some_and(|written| std::ptr::eq(body.spec, written)))
+            else {
                 continue;
             };
             let Some(joint) = scene.joints.get(body.joints.start) else { continue };

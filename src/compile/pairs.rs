@@ -333,21 +333,26 @@ impl<'a> GeomTable<'a> {
     }
 }
 
+/// A shape as the kernels call it.
+pub(super) fn shape(shape: spec::Shape) -> Shape {
+    match shape {
+        spec::Shape::Plane => Shape::Plane,
+        spec::Shape::Sphere => Shape::Sphere,
+        spec::Shape::Capsule => Shape::Capsule,
+        spec::Shape::Ellipsoid => Shape::Ellipsoid,
+        spec::Shape::Cylinder => Shape::Cylinder,
+        spec::Shape::Box => Shape::Box,
+        spec::Shape::Mesh => Shape::Mesh,
+    }
+}
+
 fn geom(geom: &Placed<spec::Geom>, id: usize, links: &Links) -> Geom<f64> {
     let pose = links.body_pose[geom.body].then(&geom.pose);
     let rotation = pose.rotation();
     Geom {
         id: id as u32,
         body: geom.body as u32,
-        shape: match geom.spec.shape {
-            spec::Shape::Plane => Shape::Plane,
-            spec::Shape::Sphere => Shape::Sphere,
-            spec::Shape::Capsule => Shape::Capsule,
-            spec::Shape::Ellipsoid => Shape::Ellipsoid,
-            spec::Shape::Cylinder => Shape::Cylinder,
-            spec::Shape::Box => Shape::Box,
-            spec::Shape::Mesh => Shape::Mesh,
-        },
+        shape: shape(geom.spec.shape),
         link: links.body_link[geom.body],
         aligned: rotation == glam::DMat3::IDENTITY,
         hull: NONE,

@@ -8,6 +8,7 @@ use super::check::Element;
 use super::links::Links;
 use super::names::label;
 use super::order::{self, Scene};
+use super::pairs::shape;
 use super::pose::{Pose, row_major};
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::model::ElementNames;
@@ -86,6 +87,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
                 format!("forces of spatial tendons on bodies are not supported, and {} is one", quoted(&tendon.name));
             element.refuse(what, "remove the sensor or the tendon");
         }
+        check_objects(sensor, &mut element);
         for object in sensor.object.iter().chain(&sensor.reference) {
             let word = object.kind.word();
             if object.name.is_empty() || known[word].binary_search(&object.name.as_str()).is_err() {
@@ -108,6 +110,43 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
     if numbers > MOST_NUMBERS {
         let message = format!("sensors have {numbers} numbers");
         diagnostics.push(&Default::default(), "sensor", message, format!("use at most {MOST_NUMBERS}"));
+    }
+}
+
+/// Refuses a sensor that is about nothing, or about another kind of element than it measures.
+fn check_objects(sensor: &spec::Sensor, element: &mut Element) {
+    use ObjectKind::{Actuator, Body, Geom, Joint, Site, Tendon, XBody};
+    use SensorKind as Kind;
+    const FRAMES: &[ObjectKind] = &[Body, XBody, Geom, Site];
+    let (object, reference): (&[ObjectKind], &[ObjectKind]) = match sensor.kind {
+        Kind::User => return,
+        Kind::EPotential | Kind::EKinetic | Kind::Clock => (&[], &[]),
+        Kind::Touch | Kind::Accelerometer | Kind::Velocimeter | Kind::Gyro | Kind::Force | Kind::Torque => {
+            (&[Site], &[])
+        }
+        Kind::Magnetometer | Kind::Rangefinder => (&[Site], &[]),
+        Kind::JointPos | Kind::JointVel | Kind::JointActuatorFrc | Kind::BallQuat | Kind::BallAngVel => (&[Joint], &[]),
+        Kind::JointLimitPos | Kind::JointLimitVel | Kind::JointLimitFrc => (&[Joint], &[]),
+        Kind::TendonPos | Kind::TendonVel | Kind::TendonActuatorFrc => (&[Tendon], &[]),
+        Kind::TendonLimitPos | Kind::TendonLimitVel | Kind::TendonLimitFrc => (&[Tendon], &[]),
+        Kind::ActuatorPos | Kind::ActuatorVel | Kind::ActuatorFrc => (&[Actuator], &[]),
+        Kind::SubtreeCom | Kind::SubtreeLinVel | Kind::SubtreeAngMom => (&[Body, XBody], &[]),
+        Kind::InsideSite => (FRAMES, &[Site]),
+        Kind::FrameLinAcc | Kind::FrameAngAcc => (FRAMES, &[]),
+        Kind::FramePos | Kind::FrameQuat | Kind::FrameXAxis | Kind::FrameYAxis | Kind::FrameZAxis => (FRAMES, FRAMES),
+        Kind::FrameLinVel | Kind::FrameAngVel => (FRAMES, FRAMES),
+    };
+    let optional = reference == FRAMES;
+    for (what, given, wanted, optional) in
+        [("object", &sensor.object, object, false), ("reference", &sensor.reference, reference, optional)]
+    {
+        let fits = given.as_ref().map_or(optional || wanted.is_empty(), |given| wanted.contains(&given.kind));
+        if !fits {
+            let words: Vec<&str> = wanted.iter().map(|kind| kind.word()).collect();
+            let remedy =
+                if words.is_empty() { "leave it out".into() } else { format!("name one of: {}", words.join(", ")) };
+            element.refuse(format!("its {what} is missing or of a kind that it does not measure"), remedy);
+        }
     }
 }
 
@@ -288,18 +327,6 @@ fn frame(s: &Sources, kind: ObjectKind, id: usize) -> (usize, Pose) {
 fn subtree(scene: &Scene, body: usize) -> Span {
     let carried = scene.bodies[body + 1..].iter().take_while(|other| body == 0 || other.parent >= body).count();
     Span { start: body as u32, len: carried as u32 + 1 }
-}
-
-fn shape(shape: Shape) -> KernelShape {
-    match shape {
-        Shape::Plane => KernelShape::Plane,
-        Shape::Sphere => KernelShape::Sphere,
-        Shape::Capsule => KernelShape::Capsule,
-        Shape::Ellipsoid => KernelShape::Ellipsoid,
-        Shape::Cylinder => KernelShape::Cylinder,
-        Shape::Box => KernelShape::Box,
-        Shape::Mesh => KernelShape::Mesh,
-    }
 }
 
 /// MuJoCo's number of a data type.
