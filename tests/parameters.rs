@@ -304,6 +304,46 @@ fn whatever_the_solver_the_cone_and_the_integrator() {
     }
 }
 
+/// Of a planar model most products of inertia are zero whatever bodies weigh; of a body whose moments are equal by chance,
+/// they are not.
+#[test]
+fn products_of_inertia_that_are_zero_by_chance_may_vary() {
+    let model = |mass: [f64; 3], moments: [[f64; 3]; 3]| {
+        let inertial = |b: usize| {
+            let [x, y, z] = moments[b];
+            format!("mass='{:?}' diaginertia='{x:?} {y:?} {z:?}'", mass[b])
+        };
+        parse(&format!(
+            "<mujoco><worldbody><body pos='0 0 1'>
+               <joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 0 1'/><joint axis='0 1 0'/>
+               <inertial pos='.1 0 .02' euler='0 25 0' {}/>
+               <body pos='.2 0 0'><joint axis='0 1 0' range='-40 40'/>
+                 <inertial pos='0 0 -.2' euler='0 0 45' {}/>
+                 <body pos='0 0 .1'><inertial pos='.03 0 .1' {}/></body>
+               </body>
+             </body></worldbody></mujoco>",
+            inertial(0),
+            inertial(1),
+            inertial(2),
+        ))
+    };
+    let (mass, moments) = ([2.0, 1.0, 0.5], [[0.03, 0.04, 0.02], [0.02, 0.02, 0.03], [0.01, 0.02, 0.02]]);
+    let other = ([1.5, 1.2, 0.9], [[0.02, 0.03, 0.03], [0.015, 0.025, 0.03], [0.02, 0.02, 0.01]]);
+    for precision in [Precision::F64, Precision::F32] {
+        for engine in engines(precision) {
+            let mut worlds = Worlds::new(&model(mass, moments), 2, &engine).expect("a batch");
+            let row = |first: &[f64], rest: &[f64]| [first, rest].concat();
+            worlds.set_parameter(Parameter::BodyMass, 1, &row(&[0.0], &other.0)).expect("masses");
+            worlds.set_parameter(Parameter::BodyInertia, 1, &row(&[0.0; 3], other.1.as_flattened())).expect("moments");
+            let got = run(&mut worlds, &[0, 1]);
+            for (world, (mass, moments)) in [(mass, moments), other].into_iter().enumerate() {
+                let mut alone = Worlds::new(&model(mass, moments), 1, &engine).expect("a batch");
+                assert!(got[world] == run(&mut alone, &[world])[0], "world {world}, {engine:?}");
+            }
+        }
+    }
+}
+
 /// The model's own numbers change nothing, and neither does a world that has others.
 #[test]
 fn own_numbers_change_nothing() {

@@ -68,7 +68,7 @@ impl Links {
                 joints: Span { start: body.joints.start as u32, len: body.joints.len() as u32 },
                 dofs: Span { start: first as u32, len: (end - first) as u32 },
                 aligned: rotation == glam::DMat3::IDENTITY,
-                diagonal: true,
+                zeros: Default::default(),
                 pos: pose.pos.to_array(),
                 rot: row_major(rotation),
                 quat: pose.wxyz(),
@@ -158,8 +158,8 @@ fn set_mass(link: &mut Link<f64>, parts: &[(Mass, f64)]) {
     let products = [clean(tensor.y_axis.x), clean(tensor.z_axis.x), clean(tensor.z_axis.y)];
     link.mass = mass;
     link.com = com.to_array();
-    link.diagonal = products == [0.0; 3];
     link.inertia = [tensor.x_axis.x, tensor.y_axis.y, tensor.z_axis.z, products[0], products[1], products[2]];
+    link.zeros = (link.com.map(|x| x == 0.0), link.inertia.map(|x| x == 0.0));
     let weights = || parts.iter().map(|(m, share)| (m.mass * share, m.frame.pos));
     link.gravcomp = weights().map(|w| w.0).sum();
     if link.gravcomp != 0.0 {

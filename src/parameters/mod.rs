@@ -7,7 +7,7 @@
 
 mod worlds;
 
-use lanesim_kernels::model::{Model as Tables, Quantities, Quantity, Transmission};
+use lanesim_kernels::model::{Body, Model as Tables, Quantities, Quantity, Transmission};
 use lanesim_kernels::options::Integrator;
 
 use crate::compile::{self, MINMU, Weights, potential};
@@ -355,6 +355,20 @@ fn violates(moments: &[f64]) -> bool {
     (a + b) * slack < c || (a + c) * slack < b || (b + c) * slack < a
 }
 
+/// Which components of a link's centre of mass and of its inertia are zero whatever its bodies weigh: in a planar model, for
+/// one, all products of inertia with the axis of its joints.
+fn zeros<'a>(bodies: impl Iterator<Item = &'a Body<f64>> + Clone) -> ([bool; 3], [bool; 6]) {
+    // As much as rounding leaves of a right angle.
+    const NONE: f64 = 4e-16;
+    let one = bodies.clone().count() == 1;
+    let com = std::array::from_fn(|c| bodies.clone().all(|body| body.com[c] == 0.0));
+    let product = |a: usize, b: usize| {
+        let own = |body: &Body<f64>| (0..3).all(|k| (body.rot[3 * a + k] * body.rot[3 * b + k]).abs() <= NONE);
+        (one || com[a] || com[b]) && bodies.clone().all(own)
+    };
+    (com, [false, false, false, product(0, 1), product(0, 2), product(1, 2)])
+}
+
 /// The tables with a structure that allows for what varies, whatever values it takes.
 pub(crate) fn widened(model: &Model, set: Quantities) -> Tables<f64> {
     let mut tables = Tables::clone(model.tables());
@@ -373,7 +387,9 @@ pub(crate) fn widened(model: &Model, set: Quantities) -> Tables<f64> {
         tables.joints.iter_mut().for_each(|joint| joint.spring = true);
     }
     if set.has(Quantity::Link) {
-        tables.links.iter_mut().for_each(|link| link.diagonal = false);
+        for (l, link) in tables.links.iter_mut().enumerate() {
+            link.zeros = zeros(tables.bodies.iter().filter(|body| body.link as usize == l && body.mass > 0.0));
+        }
     }
     let affine = |name: &str, a: usize| match model.array(name).map(|array| &array.data) {
         Some(ArrayData::I32(kinds)) => kinds[a] == AFFINE,

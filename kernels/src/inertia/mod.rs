@@ -61,7 +61,7 @@ fn link_inertia<L: Lane>(
     let r = rot;
     let t: [[L; 3]; 3] = std::array::from_fn(|k| {
         let (x, y, z) = (r[3 * k], r[3 * k + 1], r[3 * k + 2]);
-        if link.diagonal {
+        if matches!(link.zeros.1, [_, _, _, true, true, true]) {
             [x * i[0], y * i[1], z * i[2]]
         } else {
             [

@@ -19,8 +19,8 @@ table! {
         pub dofs: Span,
         /// Whether `rot` is the identity.
         pub aligned: bool,
-        /// Whether `inertia` is diagonal.
-        pub diagonal: bool,
+        /// Which components of `com`, and which of `inertia`, are zero, in all worlds where masses and inertias vary.
+        pub zeros: ([bool; 3], [bool; 6]),
         real:
         /// Position of its frame before its joints act, in the parent link's frame, or in the world if it has none.
         pub pos: [T; 3],

@@ -370,8 +370,13 @@ impl<L: Lane> Instance<'_, L> {
     #[inline(always)]
     pub fn mass(&self, link: usize) -> (L, [L; 3], [L; 6]) {
         let own = &self.links[link];
-        match self.entry(Quantity::Link, link) {
-            Some([mass, x, y, z, xx, yy, zz, xy, xz, yz]) => (mass, [x, y, z], [xx, yy, zz, xy, xz, yz]),
+        match self.entry::<10>(Quantity::Link, link) {
+            Some(all) => {
+                let (com, inertia) = &own.zeros;
+                let or_zero = |zero: bool, x: L| if zero { L::zero() } else { x };
+                let com = std::array::from_fn(|i| or_zero(com[i], all[1 + i]));
+                (all[0], com, std::array::from_fn(|i| or_zero(inertia[i], all[4 + i])))
+            }
             None => (L::splat(own.mass), splat(&own.com), splat(&own.inertia)),
         }
     }
