@@ -72,11 +72,17 @@ fn pass_on<L: LaneQuery>(step: &mut Step<'_, L>) {
 /// Passes on the smooth acceleration in the worlds in which no row acts.
 fn finish<L: LaneQuery>(step: &mut Step<'_, L>, active: u32) {
     let (active, smooth) = (L::mask_of(active), &step.ws.acceleration.qacc_smooth);
-    let Solver { qacc, qfrc_constraint, .. } = &mut step.ws.solver.fields;
-    for i in 0..qacc.len() {
-        qacc[i] = L::select(active, qacc[i], smooth[i]);
-        qfrc_constraint[i] = L::select(active, qfrc_constraint[i], L::zero());
-    }
+    let Solver { qacc, qfrc_constraint, search, .. } = &mut step.ws.solver.fields;
+    // Chosen in another place, then copied: of a choice between what is stored and what was there, compilers make a masked
+    // store, which takes many times as long.
+    let mut keep = |own: &mut [L], other: &dyn Fn(usize) -> L| {
+        for (i, (chosen, own)) in search.iter_mut().zip(&*own).enumerate() {
+            *chosen = L::select(active, *own, other(i));
+        }
+        own.copy_from_slice(search);
+    };
+    keep(qacc, &|i| smooth[i]);
+    keep(qfrc_constraint, &|_| L::zero());
 }
 
 /// The iteration that Newton's method and conjugate gradients share, until the worlds of `open` have converged.
