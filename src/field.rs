@@ -24,6 +24,10 @@ pub enum Field {
     QaccWarmstart,
     /// Whether each equality constraint is active: `neq`, 1 or 0.
     EqActive,
+    /// Positions of mocap bodies: `nmocap` × 3.
+    MocapPos,
+    /// Orientations of mocap bodies, quaternions (w, x, y, z): `nmocap` × 4.
+    MocapQuat,
     /// Generalised forces from outside: `nv`.
     QfrcApplied,
     /// Forces and torques on bodies from outside: `nbody` × (force, torque), world axes, at the centre of mass.
@@ -54,6 +58,8 @@ impl Field {
         Field::Ctrl,
         Field::QaccWarmstart,
         Field::EqActive,
+        Field::MocapPos,
+        Field::MocapQuat,
         Field::QfrcApplied,
         Field::XfrcApplied,
     ];
@@ -137,6 +143,8 @@ impl Key {
             Field::Act => Some(&self.act),
             Field::Ctrl => Some(&self.ctrl),
             Field::EqActive => Some(&self.eq_active),
+            Field::MocapPos => Some(&self.mpos),
+            Field::MocapQuat => Some(&self.mquat),
             Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
         }
     }

@@ -144,8 +144,6 @@ pub struct ElementNames {
 pub struct Placement {
     /// Link that carries it, or [`NONE`](kernel::NONE): it stands still, and the pose is in the world.
     pub link: u32,
-    /// Mocap body whose pose moves it; the pose here is the one that the model was written with.
-    pub mocap: Option<u32>,
     /// Position in the link's frame, or in the world.
     pub pos: [f64; 3],
     /// Orientation (w, x, y, z), likewise.

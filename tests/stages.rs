@@ -334,7 +334,7 @@ fn heavy(model: &Model) -> bool {
 
 fn pose(tables: &Tables<f64>, qpos: &[f64]) -> Position<f64> {
     let mut position = Position::new(&tables.sizes);
-    kinematics(tables.into(), qpos, &mut position);
+    kinematics(tables.into(), qpos.into(), &mut position);
     position
 }
 

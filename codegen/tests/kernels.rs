@@ -50,7 +50,7 @@ impl<L: Lane> Stages<L> {
             acceleration: Acceleration::new(sizes),
             integration: Integration::new(sizes),
         };
-        position::kinematics(model.into(), qpos, &mut s.position);
+        position::kinematics(model.into(), qpos.into(), &mut s.position);
         tendon::tendons(model, &s.position, qpos, qvel, &mut s.tendons);
         inertia::crb(model.into(), &s.position, &s.tendons, &mut s.inertia);
         velocity::rne(model.into(), (&s.position, &s.tendons, &s.inertia), qvel, &mut s.velocity);

@@ -4,7 +4,7 @@ use crate::acceleration::wild;
 use crate::lane::{LaneQuery, Mask, Real};
 use crate::math::ldl;
 use crate::math::vec3::dot;
-use crate::model::{JointKind, Model};
+use crate::model::{Joint, JointKind, Model};
 use crate::state::{Applied, BlockStatus, State, Status};
 use crate::workspace::Workspace;
 
@@ -47,13 +47,14 @@ pub fn inspect<L: LaneQuery>(
     applied: Option<&Applied<L>>,
     status: &mut BlockStatus,
 ) -> [(Status, u32); 4] {
-    for joint in &model.joints {
-        if let Some((short, far)) = quaternion(joint.kind, &state.qpos[joint.qpos as usize..]) {
-            status.record(Status::QUAT_ZERO, L::bits(short) & status.alive);
-            status.record(Status::QUAT_FAR, L::bits(far) & status.alive);
-        }
+    for (_, quat) in quaternions(model, state) {
+        let (short, far) = quaternion(quat);
+        status.record(Status::QUAT_ZERO, L::bits(short) & status.alive);
+        status.record(Status::QUAT_FAR, L::bits(far) & status.alive);
     }
     let lanes = |values: &[L], test: &dyn Fn(L) -> L::Mask| values.iter().fold(0, |bits, x| bits | L::bits(test(*x)));
+    let [mocap_pos, mocap_quat] = [state.mocap_pos.as_flattened(), state.mocap_quat.as_flattened()];
+    let mocap = |test: &dyn Fn(L) -> L::Mask| lanes(mocap_pos, test) | lanes(mocap_quat, test);
     let mut left = status.alive;
     let mut take = |lanes: u32| {
         let taken = lanes & left;
@@ -65,10 +66,13 @@ pub fn inspect<L: LaneQuery>(
     let large = |values: &[L]| lanes(values, &huge);
     let strong = forces.iter().fold(0, |bits, force| bits | lanes(force, &too_strong));
     [
-        (Status::NON_FINITE_POS, take(lanes(&state.qpos, &not_finite) | lanes(&state.act, &not_finite))),
+        (
+            Status::NON_FINITE_POS,
+            take(lanes(&state.qpos, &not_finite) | lanes(&state.act, &not_finite) | mocap(&not_finite)),
+        ),
         (Status::NON_FINITE_VEL, take(lanes(&state.qvel, &not_finite))),
         (Status::NON_FINITE_ACC, take(bad_forces)),
-        (Status::HUGE_VALUE, take(large(&state.qpos) | large(&state.qvel) | large(&state.act) | strong)),
+        (Status::HUGE_VALUE, take(large(&state.qpos) | large(&state.qvel) | large(&state.act) | mocap(&huge) | strong)),
     ]
 }
 
@@ -77,17 +81,36 @@ fn too_strong<L: LaneQuery>(x: L) -> L::Mask {
     !x.within(L::Real::MAXVAL * L::Real::MAXVAL)
 }
 
-/// Whether a joint's quaternion is as good as zero, and whether it is otherwise far from unit length.
-fn quaternion<L: LaneQuery>(kind: JointKind, q: &[L]) -> Option<(L::Mask, L::Mask)> {
-    let q = match kind {
-        JointKind::Free => &q[3..7],
-        JointKind::Ball => &q[..4],
-        JointKind::Slide | JointKind::Hinge => return None,
+/// The quaternions of a state, each with the element that it is of: those of joints, then those of mocap bodies.
+fn quaternions<'a, L: LaneQuery>(
+    model: &'a Model<L::Real>,
+    state: &'a State<L>,
+) -> impl Iterator<Item = (Element, &'a [L])> {
+    let of_joint = |(j, joint): (u32, &Joint<L::Real>)| {
+        let q = &state.qpos[joint.qpos as usize..];
+        let quat = match joint.kind {
+            JointKind::Free => &q[3..7],
+            JointKind::Ball => &q[..4],
+            JointKind::Slide | JointKind::Hinge => return None,
+        };
+        Some((Element::Joint(j), quat))
     };
+    let of_mocap = |(m, quat): (usize, &'a [L; 4])| (mocap_body(model, m), &quat[..]);
+    (0..).zip(&model.joints).filter_map(of_joint).chain(state.mocap_quat.iter().enumerate().map(of_mocap))
+}
+
+/// A mocap body by its number.
+fn mocap_body<T>(model: &Model<T>, number: usize) -> Element {
+    let link = model.links.iter().find(|link| link.mocap as usize == number);
+    link.map_or(Element::World, |link| Element::Body(link.body))
+}
+
+/// Whether a quaternion is as good as zero, and whether it is otherwise far from unit length.
+fn quaternion<L: LaneQuery>(q: &[L]) -> (L::Mask, L::Mask) {
     let squared = q[3].mul_add(q[3], dot(&[q[0], q[1], q[2]], &[q[0], q[1], q[2]]));
     let short = squared.sqrt().lt(L::of(L::Real::MINVAL));
     let finite = q.iter().fold(L::Mask::splat(true), |all, x| all & x.within(L::Real::MAX));
-    Some((short, finite & !short & !(squared - L::one()).within(FAR)))
+    (short, finite & !short & !(squared - L::one()).within(FAR))
 }
 
 fn not_finite<L: LaneQuery>(x: L) -> L::Mask {
@@ -164,16 +187,22 @@ pub fn element_outside<L: LaneQuery>(
     };
     let joint_of = |q: Option<u32>| q.and_then(|q| joint_at(model, q as usize));
     let acts = |w: Option<u32>| w.and_then(|w| actuator_of(model, w as usize));
+    let mocap = |test| {
+        let turned = || first(state.mocap_quat.as_flattened(), test).map(|i| i / 4);
+        let number = first(state.mocap_pos.as_flattened(), test).map(|i| i / 3).or_else(turned);
+        number.map(|number| mocap_body(model, number as usize))
+    };
     let found = match status {
         Status::NON_FINITE_POS => {
-            joint_of(first(&state.qpos, &not_finite)).or_else(|| acts(first(&state.act, &not_finite)))
+            let held = || acts(first(&state.act, &not_finite)).or_else(|| mocap(&not_finite));
+            joint_of(first(&state.qpos, &not_finite)).or_else(held)
         }
         Status::NON_FINITE_VEL => first(&state.qvel, &not_finite).map(Element::Dof),
         Status::NON_FINITE_ACC => force(&not_finite),
         Status::HUGE_VALUE => {
             let moves = first(&state.qvel, &huge).map(Element::Dof);
             let held = || joint_of(first(&state.qpos, &huge)).or_else(|| acts(first(&state.act, &huge)));
-            moves.or_else(held).or_else(|| force(&too_strong))
+            moves.or_else(held).or_else(|| mocap(&huge)).or_else(|| force(&too_strong))
         }
         Status::FROZEN => {
             let mut elements = CAUSES.iter().map(|cause| element_outside(model, state, applied, *cause, lane));
@@ -188,20 +217,19 @@ pub fn element_outside<L: LaneQuery>(
 const CAUSES: [Status; 4] =
     [Status::NON_FINITE_POS, Status::NON_FINITE_VEL, Status::NON_FINITE_ACC, Status::HUGE_VALUE];
 
-/// The joint whose quaternion was flagged in a lane.
+/// The element whose quaternion was flagged in a lane.
 fn quaternion_element<L: LaneQuery>(
     model: &Model<L::Real>,
     state: &State<L>,
     status: Status,
     lane: usize,
 ) -> Option<Element> {
-    let flagged = |kind, qpos: u32| {
-        quaternion(kind, &state.qpos[qpos as usize..]).is_some_and(|(short, far)| {
-            let mask = if status == Status::QUAT_ZERO { short } else { far };
-            L::bits(mask) >> lane & 1 != 0
-        })
+    let flagged = |quat: &[L]| {
+        let (short, far) = quaternion(quat);
+        let mask = if status == Status::QUAT_ZERO { short } else { far };
+        L::bits(mask) >> lane & 1 != 0
     };
-    model.joints.iter().position(|joint| flagged(joint.kind, joint.qpos)).map(|j| Element::Joint(j as u32))
+    quaternions(model, state).find(|(_, quat)| flagged(quat)).map(|(element, _)| element)
 }
 
 /// The actuator to which an activation belongs.

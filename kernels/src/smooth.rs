@@ -81,14 +81,14 @@ pub fn smooth<L: Lane>(
     let Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders } =
         stages;
     let mut findings = Findings::from([L::Mask::splat(false); 5]);
-    position::kinematics(model, &state.qpos, position);
+    position::kinematics(model, state.into(), position);
     end(Stage::Position);
     if runs(Stage::Tendon) {
         tendon::tendons(&model, position, &state.qpos, &state.qvel, tendons);
         end(Stage::Tendon);
     }
     if runs(Stage::Collision) {
-        findings.due = collision::way(&model, &state.qpos, position, colliders);
+        findings.due = collision::way(&model, state.into(), position, colliders);
         end(Stage::Collision);
     }
     if runs(Stage::Constraint) {
@@ -165,6 +165,7 @@ pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
     }
     all.extend([
         "collision.qpos",
+        "collision.mocap_quat",
         "collision.origin",
         "collision.way",
         "collision.blur",

@@ -20,6 +20,10 @@ fields! {
         pub qacc_warmstart: Vec<L> = sizes.nv,
         /// Whether each equality constraint is active, 1 or 0.
         pub eq_active: Vec<L> = sizes.neq,
+        /// Positions of mocap bodies, m, world axes.
+        pub mocap_pos: Vec<[L; 3]> = sizes.nmocap,
+        /// Orientations of mocap bodies, quaternions (w, x, y, z) of any positive length.
+        pub mocap_quat: Vec<[L; 4]> = sizes.nmocap,
     } L
 }
 

@@ -28,6 +28,8 @@ _FORCES = ("qfrc_applied", "xfrc_applied")
 _COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body": "nbody"}
 _FIELDS = {name: (meaning, dims) for name, meaning, dims in _lanesim.FIELDS}
 _KEPT = tuple(name for name in _FIELDS if name not in _FORCES)
+# Those that a saved state has only if the model does.
+_OPTIONAL = ("eq_active", "mocap_pos", "mocap_quat")
 
 
 def _field(name: str, more: str = "") -> Any:
@@ -170,34 +172,8 @@ class Worlds:
     eq_active = _field("eq_active", "A reset restores the model's.")
     qfrc_applied = _field("qfrc_applied")
     xfrc_applied = _field("xfrc_applied")
-
-    @property
-    def mocap_pos(self) -> NDArray[Any]:
-        """Positions of mocap bodies, [nworld, nmocap, 3], m. They stand still: other values raise `UnsupportedError`."""
-        return self._mocap(0)
-
-    @mocap_pos.setter
-    def mocap_pos(self, values: ArrayLike) -> None:
-        self._set_mocap("mocap_pos", 0, values)
-
-    @property
-    def mocap_quat(self) -> NDArray[Any]:
-        """Orientations of mocap bodies, [nworld, nmocap, 4], (w, x, y, z). As with `mocap_pos`, they cannot move yet."""
-        return self._mocap(1)
-
-    @mocap_quat.setter
-    def mocap_quat(self, values: ArrayLike) -> None:
-        self._set_mocap("mocap_quat", 1, values)
-
-    def _mocap(self, part: int) -> NDArray[Any]:
-        row = np.array(self._model._m.mocap()[part], dtype=self.dtype).reshape(-1, 3 + part)
-        return np.broadcast_to(row, (self._nworld, *row.shape))
-
-    def _set_mocap(self, name: str, part: int, values: ArrayLike) -> None:
-        width = 3 + part
-        given = _arrays.per_world(name, values, self._nworld, [("nmocap", self._model.nmocap), ("", width)])
-        if not np.allclose(given, self._mocap(part), rtol=0.0, atol=1e-6 if self._precision == "f32" else 1e-12):
-            raise UnsupportedError("moving mocap bodies is not built yet: they stand where the model puts them")
+    mocap_pos = _field("mocap_pos", "A step leaves them; a reset puts them where the keyframe or the model has them.")
+    mocap_quat = _field("mocap_quat", "Of any positive length. A reset does as with `mocap_pos`.")
 
     @property
     def status(self) -> NDArray[np.uint32]:
@@ -501,14 +477,12 @@ class Worlds:
         """Puts every world, those where `mask` ([nworld], bool) is true, or those that `ids` names, into a keyframe (number
         or name) or into the reference configuration, and clears forces from outside, warm start and status."""
         index = None if key is None else self._model._key(key)
-        if index is not None:
-            self.mocap_pos, self.mocap_quat = self._model.key(index)[-2:]  # Which must be where they are.
         where, numbers = _arrays.chosen(mask, ids, self._nworld)
         self._w.reset(where, numbers, index)
 
     def _kept(self) -> tuple[str, ...]:
         """Fields of a saved state."""
-        return tuple(name for name in _KEPT if name != "eq_active" or self._model.neq)
+        return tuple(name for name in _KEPT if name not in _OPTIONAL or self._model._m.field(name)[0][1])
 
     def save_state(self) -> dict[str, NDArray[Any]]:
         """All that is kept of the worlds, bit by bit: a dict of arrays, fit for ``np.savez`` and for `load_state`."""

@@ -233,14 +233,6 @@ impl Model {
         (0..self.model.tables().sizes.nu).map(|a| self.model.control_range(a)).collect()
     }
 
-    /// Positions and orientations of mocap bodies as the model puts them.
-    fn mocap(&self) -> (Vec<[f64; 3]>, Vec<[f64; 4]>) {
-        let bodies = self.model.placements().bodies.iter();
-        let mut poses: Vec<_> = bodies.filter_map(|p| p.mocap.map(|m| (m, p.pos, p.quat))).collect();
-        poses.sort_by_key(|(m, ..)| *m);
-        poses.into_iter().map(|(_, pos, quat)| (pos, quat)).unzip()
-    }
-
     /// An output's (lengths equal in all worlds, shape per world or per entry, integer).
     fn output(&self, py: Python<'_>, name: &str) -> PyResult<(bool, Vec<usize>, bool)> {
         let output = self.model.output(name).map_err(|e| failure::raise(py, e))?;

@@ -273,18 +273,60 @@ def test_forward_changes_no_state(ant) -> None:
         np.testing.assert_array_equal(array, before[name])
 
 
-def test_mocap_bodies_stand_still() -> None:
-    xml = "<mujoco><worldbody><body mocap='true' pos='1 2 3'><geom size='.1'/></body></worldbody></mujoco>"
-    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(xml), 3)
+MOCAP = """<mujoco><worldbody>
+  <body name="hand" mocap="true" pos="1 2 3"><geom name="hand" size=".1"/><body pos="0 .2 0"><site name="tip"/></body></body>
+  <body name="ball" pos="1 2 3.5"><freejoint/><geom size=".1"/></body></worldbody>
+  <keyframe><key/><key mpos="1 2 4" mquat="0 0 0 2"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_mocap_bodies_are_moved_per_world(precision) -> None:
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(MOCAP), 3, precision)
     np.testing.assert_array_equal(worlds.mocap_pos, np.broadcast_to([1.0, 2.0, 3.0], (3, 1, 3)))
-    worlds.mocap_quat = worlds.mocap_quat
-    with pytest.raises(lanesim.UnsupportedError, match="not built yet"):
-        worlds.mocap_pos = np.zeros((3, 1, 3))
-    keys = "<keyframe><key/><key mpos='1 2 4'/></keyframe></mujoco>"
-    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(xml.replace("</mujoco>", keys)), 3)
-    worlds.reset(key=0)
-    with pytest.raises(lanesim.UnsupportedError, match="not built yet"):
-        worlds.reset(key=1)
+    worlds.mocap_pos = [[[1.0, 2.0, 3.0]], [[0.0, 0.0, 1.0]], [[1.0, 2.0, 3.31]]]
+    worlds.mocap_quat = [[[1.0, 0.0, 0.0, 0.0]], [[3.0, 0.0, 0.0, 3.0]], [[1.0, 0.0, 0.0, 0.0]]]
+    worlds.step(nstep=2)
+    seen = worlds.get(["xpos", "xquat", "site_xpos", "contact_dist"])
+    np.testing.assert_allclose(seen["xpos"][1, 1], [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(seen["xquat"][1, 1], [0.5**0.5, 0.0, 0.0, 0.5**0.5], rtol=1e-6)
+    np.testing.assert_allclose(seen["site_xpos"][:, 0], [[1.0, 2.2, 3.0], [-0.2, 0.0, 1.0], [1.0, 2.2, 3.31]], atol=1e-6)
+    assert [len(row) for row in seen["contact_dist"]] == [0, 0, 1]
+    assert worlds.qvel[2, 2] > 0.0 > worlds.qvel[0, 2]
+    worlds.reset(key=1)
+    np.testing.assert_array_equal(worlds.mocap_pos[:, 0], np.broadcast_to([1.0, 2.0, 4.0], (3, 3)))
+    np.testing.assert_array_equal(worlds.mocap_quat[:, 0], np.broadcast_to([0.0, 0.0, 0.0, 1.0], (3, 4)))
+    worlds.reset()
+    np.testing.assert_array_equal(worlds.mocap_pos[:, 0], np.broadcast_to([1.0, 2.0, 3.0], (3, 3)))
+
+
+def test_a_mocap_body_that_jumps_onto_another_is_not_missed() -> None:
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(MOCAP), 1)
+    worlds.mocap_pos = [[[50.0, 0.0, 0.0]]]
+    worlds.step(nstep=5)
+    worlds.mocap_pos = worlds.get("xpos")[:, 2:] + [0.0, 0.0, -0.15]
+    worlds.step()
+    assert len(worlds.get("contact_dist")[0]) == 1
+    assert worlds.qvel[0, 2] > 0.0
+
+
+def test_impossible_mocap_poses_are_refused_or_flagged() -> None:
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(MOCAP), 2)
+    with pytest.raises(lanesim.InputError, match="mocap_pos"):
+        worlds.mocap_pos = [[[1.0, np.nan, 3.0]]]
+    worlds.mocap_quat = [[[1.0, 0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0, 0.0]]]
+    worlds.step()
+    assert [lanesim.Status(int(bits)) for bits in worlds.status] == [lanesim.Status(0), lanesim.Status.QuatZero]
+    assert "hand" in str(worlds.status_detail(1))
+    np.testing.assert_array_equal(worlds.get("xquat")[1, 1], [1.0, 0.0, 0.0, 0.0])
+
+
+def test_saved_states_have_mocap_poses() -> None:
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(MOCAP), 2)
+    worlds.mocap_pos = [[[1.0, 2.0, 3.0]], [[4.0, 5.0, 6.0]]]
+    kept = worlds.save_state()
+    other = lanesim.Worlds(lanesim.Model.from_xml_string(MOCAP), 2)
+    other.load_state(kept)
+    np.testing.assert_array_equal(other.mocap_pos, worlds.mocap_pos)
 
 
 def test_absent_quantities_have_no_columns(ant) -> None:

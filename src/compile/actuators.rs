@@ -214,9 +214,9 @@ pub(crate) fn constants(
     let (mut position, mut actuation) = (Position::new(&tables.sizes), Actuation::new(&tables.sizes));
     let instance = Instance::from(&*tables);
     let mut tendons = tendon::Tendons::new(&tables.sizes);
-    position::kinematics(instance, &tables.qpos0, &mut position);
+    position::kinematics(instance, (&tables.qpos0[..]).into(), &mut position);
     tendon::tendons(tables, &position, &tables.qpos0, &vec![0.0; tables.sizes.nv], &mut tendons);
-    actuation::lengths(instance, &tables.qpos0, (&position, &tendons), &mut actuation);
+    actuation::lengths(instance, (&tables.qpos0[..]).into(), (&position, &tendons), &mut actuation);
     let responses = Responses::new(&derived.hinges);
     let Model { actuators, moment_dofs, muscles, .. } = tables;
     for (a, (actuator, compiled)) in spec.actuators.iter().zip(actuators).enumerate() {

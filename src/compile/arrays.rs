@@ -70,7 +70,7 @@ pub(crate) fn arrays(s: &Sources) -> BTreeMap<&'static str, Array> {
 }
 
 fn bodies(s: &Sources, out: &mut Arrays) {
-    let (bodies, table) = (&s.scene.bodies, s.tables);
+    let bodies = &s.scene.bodies;
     out.ints("body_parentid", 0, bodies.iter().map(|b| b.parent as i32));
     out.ints("body_weldid", 0, pairs::weld_groups(s.scene).into_iter().map(|w| w as i32));
     let mut root = Vec::with_capacity(bodies.len());
@@ -78,7 +78,8 @@ fn bodies(s: &Sources, out: &mut Arrays) {
         root.push(if b.parent == 0 { i } else { root[b.parent] });
     }
     out.ints("body_rootid", 0, root.into_iter().map(|r| r as i32));
-    let tree = |&link: &u32| if link == NONE { -1 } else { table.links[link as usize].tree as i32 };
+    let trees = s.links.tree_ids();
+    let tree = |link: &u32| trees.get(*link as usize).copied().unwrap_or(-1);
     out.ints("body_treeid", 0, s.links.body_link.iter().map(tree));
     out.ints("body_mocapid", 0, bodies.iter().map(|b| b.mocap.map_or(-1, |m| m as i32)));
     out.ints("body_jntnum", 0, bodies.iter().map(|b| b.joints.len() as i32));
@@ -146,7 +147,8 @@ fn joint_arrays(s: &Sources, out: &mut Arrays) {
 fn dofs(s: &Sources, out: &mut Arrays) {
     let dofs = &s.tables.dofs;
     let joint = |d: &lanesim_kernels::model::Dof<f64>| &s.scene.joints[d.joint as usize];
-    let tree = |d: &lanesim_kernels::model::Dof<f64>| s.tables.links[d.link as usize].tree as i32;
+    let trees = s.links.tree_ids();
+    let tree = |d: &lanesim_kernels::model::Dof<f64>| trees[d.link as usize];
     out.ints("dof_bodyid", 0, dofs.iter().map(|d| joint(d).body as i32));
     out.ints("dof_jntid", 0, dofs.iter().map(|d| d.joint as i32));
     out.ints("dof_parentid", 0, dofs.iter().map(|d| if d.parent == NONE { -1 } else { d.parent as i32 }));

@@ -166,7 +166,7 @@ impl Derived {
     pub fn with_tendons(&mut self, heavy: Heavy, scene: &Scene, links: &Links, joints: &[Joint<f64>]) {
         let mut weights = heavy.dofs();
         average(&mut weights, joints);
-        for (b, body) in scene.bodies.iter().enumerate().filter(|(b, _)| links.body_link[*b] != NONE) {
+        for (b, body) in scene.bodies.iter().enumerate().filter(|(b, _)| links.moving(*b) != NONE) {
             let link = links.body_link[b];
             let mut dofs = links.links[link as usize].dofs.range();
             if is_slider(scene, links, b) && !dofs.any(|dof| heavy.holds(dof)) {
@@ -292,8 +292,9 @@ fn articulate(links: &[Link<f64>], rigid: Vec<Symmetric>, hinges: &mut [Hinge], 
     const MINVAL: f64 = 1e-15;
     let mut beyond = vec![Symmetric::ZERO; hinges.len()];
     for (link, inertia) in links.iter().zip(&rigid) {
-        let last = link.dofs.range().end - 1;
-        beyond[last].add(inertia);
+        if let Some(last) = link.dofs.range().last() {
+            beyond[last].add(inertia);
+        }
     }
     for k in (0..hinges.len()).rev() {
         let hinge = &mut hinges[k];
@@ -386,19 +387,19 @@ pub(super) fn is_simple(scene: &Scene, links: &Links, b: usize) -> bool {
         && !joints.is_empty()
         && joints.iter().all(along_axes)
         && before_last.iter().all(|j| j.spec.kind == spec::JointKind::Slide)
-        && links.links[links.body_link[b] as usize].parent == NONE
+        && links.moving(body.parent) == NONE
         && frame.pos.abs().max_element() < NEAR
         && turned.abs().max_element() < NEAR
 }
 
-/// Translational and rotational inverse weight of a body at its centre of mass; zero if it stands still.
+/// Translational and rotational inverse weight of a body at its centre of mass; zero if no joints move it.
 fn body_weight(scene: &Scene, links: &Links, b: usize, orientations: &[DQuat], mobilities: &[Symmetric]) -> [f64; 2] {
-    let link = links.body_link[b];
+    let link = links.moving(b);
     if link == NONE {
         return [0.0; 2];
     }
     let com = links.body_pose[b].then(&scene.bodies[b].mass.frame).pos;
-    let last = links.links[link as usize].dofs.range().end - 1;
+    let last = links.last_dof(link) as usize;
     let mobility = mobilities[last].mobility_to_child(orientations[link as usize] * com);
     // A direction that does not move leaves rounding of either sign.
     let mean = |m: DMat3| ((m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0).max(0.0);

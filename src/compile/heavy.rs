@@ -25,7 +25,7 @@ impl Heavy {
         let sizes = &model.sizes;
         let (mut position, mut tendons) = (Position::new(sizes), Tendons::new(sizes));
         let mut inertia = Inertia::new(sizes);
-        position::kinematics(Instance::from(model), &model.qpos0, &mut position);
+        position::kinematics(Instance::from(model), (&model.qpos0[..]).into(), &mut position);
         tendon::tendons(model, &position, &model.qpos0, &vec![0.0; sizes.nv], &mut tendons);
         inertia::crb(Instance::from(model), &position, &tendons, &mut inertia);
         let (mut factor, mut inverse, mut scratch) = (inertia.m, vec![0.0; sizes.nv], vec![0.0; sizes.nv]);
@@ -60,7 +60,7 @@ impl Heavy {
         let mean = |row: &dyn Fn(&[f64; 6]) -> DVec3| {
             let axis = |k: usize| {
                 let mut force = vec![0.0; self.model.sizes.nv];
-                let mut dof = self.model.links[l].dofs.range().end as u32 - 1;
+                let mut dof = self.model.links[l].last_dof();
                 while dof != NONE {
                     force[dof as usize] = row(&position.cdof[dof as usize])[k];
                     dof = self.model.dofs[dof as usize].parent;

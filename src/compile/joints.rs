@@ -98,7 +98,7 @@ pub(crate) fn dofs(scene: &Scene, links: &Links, reflected: &[Reflected]) -> Vec
         for kind in kinds {
             let parent = match dofs.last() {
                 Some(last) if last.link == link => dofs.len() as u32 - 1,
-                _ => last_dof(links, links.links[link as usize].parent),
+                _ => links.last_dof(links.links[link as usize].parent),
             };
             let mut dof = Dof {
                 kind,
@@ -129,15 +129,6 @@ pub(crate) fn set_damping(dof: &mut Dof<f64>, joint: [f64; 3], reflected: &Refle
     dof.damping = std::array::from_fn(|k| joint[k] + reflected.damping[k]);
     dof.damped = dof.damping != [0.0; 3];
     dof.damping_linear = dof.damping[1..] == [0.0; 2];
-}
-
-/// The last degree of freedom of a link, or [`NONE`].
-fn last_dof(links: &Links, link: u32) -> u32 {
-    if link == NONE {
-        return NONE;
-    }
-    let span = links.links[link as usize].dofs;
-    span.start + span.len - 1
 }
 
 /// Positions in the reference configuration.

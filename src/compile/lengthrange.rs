@@ -156,10 +156,10 @@ fn pull(tables: &Model<f64>, options: &LengthRange, pulls: &[(usize, f64)]) -> V
 /// Lengths, moments and the factor of M at the state.
 fn prepare(tables: &Model<f64>, state: &State<L>, ws: &mut Workspace<L>) {
     let model = Instance::from(tables);
-    position::kinematics(model, &state.qpos, &mut ws.position);
+    position::kinematics(model, (&state.qpos[..]).into(), &mut ws.position);
     tendon::tendons(tables, &ws.position, &state.qpos, &state.qvel, &mut ws.tendons);
     inertia::crb(model, &ws.position, &ws.tendons, &mut ws.inertia);
-    actuation::lengths(model, &state.qpos, (&ws.position, &ws.tendons), &mut ws.actuation);
+    actuation::lengths(model, (&state.qpos[..]).into(), (&ws.position, &ws.tendons), &mut ws.actuation);
     let acceleration = &mut ws.acceleration;
     acceleration.factor.copy_from_slice(&ws.inertia.m);
     let (factor, inverse) = (&mut acceleration.factor, &mut acceleration.inverse);

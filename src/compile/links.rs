@@ -1,4 +1,4 @@
-//! Links: bodies with joints, and all that is fixed to them.
+//! Links: bodies with joints and mocap bodies, and all that is fixed to them.
 
 use glam::DVec3;
 use lanesim_kernels::model::{Body, Fluid, Link, NONE, Span};
@@ -19,8 +19,6 @@ pub(crate) struct Links {
     pub body_link: Vec<u32>,
     /// Pose of each body in its link, or in the world.
     pub body_pose: Vec<Pose>,
-    /// Mocap body that each still body is fixed to.
-    body_mocap: Vec<Option<u32>>,
 }
 
 impl Links {
@@ -30,7 +28,6 @@ impl Links {
             tree_root: Vec::new(),
             body_link: Vec::with_capacity(scene.bodies.len()),
             body_pose: Vec::with_capacity(scene.bodies.len()),
-            body_mocap: Vec::with_capacity(scene.bodies.len()),
         };
         let mut carried: Vec<Vec<(Mass, f64)>> = Vec::new();
         for b in 0..scene.bodies.len() {
@@ -44,13 +41,12 @@ impl Links {
 
     fn add(&mut self, scene: &Scene, b: usize, carried: &mut Vec<Vec<(Mass, f64)>>) {
         let body = &scene.bodies[b];
-        let (mut link, mut pose, mut mocap) = (NONE, body.pose, body.mocap.map(|m| m as u32));
+        let (mut link, mut pose) = (NONE, body.pose);
         if b > 0 {
             link = self.body_link[body.parent];
             pose = self.body_pose[body.parent].then(&body.pose);
-            mocap = mocap.or(self.body_mocap[body.parent]);
         }
-        if !body.joints.is_empty() {
+        if !body.joints.is_empty() || body.mocap.is_some() {
             let new = self.links.len() as u32;
             let tree = if link == NONE {
                 self.tree_root.push(new);
@@ -58,13 +54,14 @@ impl Links {
             } else {
                 self.links[link as usize].tree
             };
-            let first = scene.joints[body.joints.start].dof;
-            let end = scene.joints.get(body.joints.end).map_or(scene.nv, |j| j.dof);
+            let dof = |joint: usize| scene.joints.get(joint).map_or(scene.nv, |j| j.dof);
+            let (first, end) = (dof(body.joints.start), dof(body.joints.end));
             let rotation = pose.rotation();
             self.links.push(Link {
                 parent: link,
                 tree,
                 body: b as u32,
+                mocap: body.mocap.map_or(NONE, |m| m as u32),
                 joints: Span { start: body.joints.start as u32, len: body.joints.len() as u32 },
                 dofs: Span { start: first as u32, len: (end - first) as u32 },
                 aligned: rotation == glam::DMat3::IDENTITY,
@@ -79,14 +76,43 @@ impl Links {
                 gravcomp_pos: [0.0; 3],
             });
             carried.push(Vec::new());
-            (link, pose, mocap) = (new, Pose::IDENTITY, None);
+            (link, pose) = (new, Pose::IDENTITY);
         }
         if link != NONE {
             carried[link as usize].push((body.mass.moved(&pose), body.spec.gravcomp));
         }
         self.body_link.push(link);
         self.body_pose.push(pose);
-        self.body_mocap.push(mocap);
+    }
+
+    /// The link whose joints move a body, or [`NONE`].
+    pub fn moving(&self, body: usize) -> u32 {
+        let link = self.body_link[body];
+        if self.links.get(link as usize).is_some_and(|link| link.mocap == NONE) { link } else { NONE }
+    }
+
+    /// The last degree of freedom of a link's own, or [`NONE`].
+    pub fn last_dof(&self, link: u32) -> u32 {
+        self.links.get(link as usize).map_or(NONE, lanesim_kernels::model::Link::last_dof)
+    }
+
+    /// By link, its number among the trees with joints.
+    pub fn tree_ids(&self) -> Vec<i32> {
+        let mut ids = Vec::with_capacity(self.links.len());
+        let mut next = 0;
+        for link in &self.links {
+            // What a mocap body carries begins a tree.
+            let of_parent = self.links.get(link.parent as usize).filter(|parent| parent.mocap == NONE);
+            ids.push(match of_parent {
+                _ if link.mocap != NONE => -1,
+                Some(_) => ids[link.parent as usize],
+                None => {
+                    next += 1;
+                    next - 1
+                }
+            });
+        }
+        ids
     }
 
     /// Where a frame fixed to body `b` is.
@@ -94,7 +120,6 @@ impl Links {
         let pose = self.body_pose[b].then(in_body);
         Placement {
             link: self.body_link[b],
-            mocap: self.body_mocap[b],
             pos: pose.pos.to_array(),
             quat: pose.wxyz(),
             mat: row_major(pose.rotation()),
@@ -118,7 +143,7 @@ impl Links {
     pub fn fluids(&self, scene: &Scene, options: &Options) -> Vec<Fluid<f64>> {
         const MINVAL: f64 = 1e-15;
         let moving =
-            scene.bodies.iter().enumerate().filter(|(b, body)| self.body_link[*b] != NONE && body.mass.mass >= MINVAL);
+            scene.bodies.iter().enumerate().filter(|(b, body)| self.moving(*b) != NONE && body.mass.mass >= MINVAL);
         let fluid = |(b, body): (usize, &super::order::Body)| {
             let pose = self.body_pose[b].then(&body.mass.frame);
             let inertia = body.mass.inertia.to_array();

@@ -89,7 +89,7 @@ pub(crate) fn pairs<'a>(
             None => mix(g1.spec, g2.spec),
         };
         let contact = overridden(&spec.option, contact);
-        let (link1, link2) = (links.body_link[g1.body], links.body_link[g2.body]);
+        let (link1, link2) = (links.moving(g1.body), links.moving(g2.body));
         let Some(Between { dofs, cross, sides }) = chains.between(link1, link2) else {
             diagnostics.push(
                 &Source::default(),
@@ -167,7 +167,7 @@ fn automatic(spec: &Spec, scene: &Scene, links: &Links) -> Option<Vec<(usize, us
             None => groups.push(Group { body: geom.body, contype, conaffinity, geoms: vec![g] }),
         }
     }
-    let moves = |group: &Group| links.body_link[group.body] != NONE;
+    let moves = |group: &Group| links.moving(group.body) != NONE;
     let (moving, still): (Vec<&Group>, Vec<&Group>) = groups.iter().partition(|g| moves(g));
     let parent_of = |w: usize| weld[scene.bodies[w].parent];
     let allowed = |a: &Group, b: &Group| {
@@ -412,7 +412,7 @@ impl<'a> Chains<'a> {
             return Some(known);
         }
         let start = self.list.len();
-        let (mut a, mut b) = (self.last_dof(link1), self.last_dof(link2));
+        let (mut a, mut b) = (self.links.last_dof(link1), self.links.last_dof(link2));
         let (mut first, mut second) = (false, false);
         // The later of two dofs cannot move the other's link: walk both chains down until they meet.
         while a != b {
@@ -451,7 +451,7 @@ impl<'a> Chains<'a> {
             return span;
         }
         let start = self.list.len();
-        let mut dof = self.last_dof(link);
+        let mut dof = self.links.last_dof(link);
         while dof != NONE {
             self.list.push(PairDof { dof, second });
             dof = self.dofs[dof as usize].parent;
@@ -460,9 +460,5 @@ impl<'a> Chains<'a> {
         let span = Span { start: start as u32, len: (self.list.len() - start) as u32 };
         self.whole.insert((link, second), span);
         span
-    }
-
-    fn last_dof(&self, link: u32) -> u32 {
-        self.links.links[link as usize].dofs.range().end as u32 - 1
     }
 }

@@ -56,9 +56,6 @@ pub(crate) fn compile_notes(spec: &Spec, scene: &Scene, notes: &mut Vec<String>)
     let bound = 2.0 * options.timestep;
     notes.extend(slow.sentence(&format!("solref time constants below two time steps act as {bound} (refsafe)")));
     notes.extend(slippery.sentence("friction below 1e-5 acts as 1e-5, use condim 1 for none"));
-    if scene.nmocap > 0 {
-        notes.push(format!("{} mocap bodies stand still where the model puts them", scene.nmocap));
-    }
 }
 
 /// Ranges that are given, and bound nothing because their ends do not come in order.
@@ -100,7 +97,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("njnt", scene.joints.len()),
         ("ngeom", scene.geoms.len()),
         ("nsite", scene.sites.len()),
-        ("ntree", links.tree_root.len()),
+        ("ntree", links.tree_ids().into_iter().max().map_or(0, |last| last as usize + 1)),
         ("ntendon", spec.tendons.len()),
         ("neq", spec.equalities.len()),
         ("nsensor", spec.sensors.len()),

@@ -5,7 +5,7 @@ use lanesim_kernels::inertia::{self, Inertia};
 use lanesim_kernels::lane::Lane;
 use lanesim_kernels::model::{Instance, Model, Quantities, Quantity, Varied};
 use lanesim_kernels::part::Name;
-use lanesim_kernels::position::{self, Position};
+use lanesim_kernels::position::{self, Configuration, Position};
 use lanesim_kernels::tendon::{self, Tendons};
 
 /// Operations that the kernels take for a link, about.
@@ -50,7 +50,10 @@ impl<T: Float> Structure<T> {
         let mut position = Position::new(&model.sizes);
         let mut inertia = Inertia::new(&model.sizes);
         let instance = Instance { model, varied: Some(&varied) };
-        position::kinematics(instance, &qpos, &mut position);
+        let mocap = [3, 4].map(|width| recording.input(quantities.len() + width - 1, width * model.sizes.nmocap));
+        let (mocap_pos, mocap_quat) = (mocap[0].as_chunks().0, mocap[1].as_chunks().0);
+        let configuration = Configuration { qpos: &qpos, mocap_pos, mocap_quat };
+        position::kinematics(instance, configuration, &mut position);
         let mut tendons = Tendons::new(&model.sizes);
         if model.tendons.iter().any(|tendon| tendon.heavy) {
             // Their velocities count for nothing here.
@@ -61,7 +64,7 @@ impl<T: Float> Structure<T> {
         let known = |lanes: &[Recorder<T>]| lanes.iter().map(|lane| lane.constant()).collect::<Vec<_>>();
         let axes = known(position.cdof.as_flattened());
         let entries = known(&inertia.m);
-        let outputs = quantities.len() + 2;
+        let outputs = quantities.len() + 4;
         recording.output(outputs, position.cdof.as_flattened());
         recording.output(outputs + 1, &inertia.m);
         let uses = recording.finish().uses();

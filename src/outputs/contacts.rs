@@ -339,7 +339,7 @@ fn component_jacobians<L: LaneQuery>(world: World<'_, L>, row: &ContactRow) -> V
         }
         return out;
     }
-    let mut dof = world.tables.links[row.link as usize].dofs.range().end as u32 - 1;
+    let mut dof = world.tables.links[row.link as usize].last_dof();
     while dof != NONE {
         let motion = &world.workspace.position.cdof[dof as usize];
         for (i, jacobian) in out.iter_mut().enumerate() {

@@ -79,16 +79,27 @@ pub(super) fn turns<'a, L: LaneQuery>(world: World<'_, L>, poses: &'a mut Poses)
 fn link_quaternions<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<DQuat>) {
     let qpos = &world.block.state.qpos;
     let q = |at: u32, i: u32| world.number(&qpos[(at + i) as usize]);
-    let unit = |at: u32| DQuat::from_xyzw(q(at, 1), q(at, 2), q(at, 3), q(at, 0)).normalize();
+    // As the kernels have it: one of no length counts as the identity.
+    let unit = |[w, x, y, z]: [f64; 4]| {
+        let quat = DQuat::from_xyzw(x, y, z, w);
+        if quat.length() < f64::MINVAL { DQuat::IDENTITY } else { quat.normalize() }
+    };
+    let turned = |at: u32| unit([0, 1, 2, 3].map(|i| q(at, i)));
     out.clear();
     for link in &world.tables.links {
         let [w, x, y, z] = link.quat.map(Real::to_f64);
         let placed = DQuat::from_xyzw(x, y, z, w);
-        let mut turn = if link.parent == NONE { placed } else { out[link.parent as usize] * placed };
+        let mut turn = match link.parent {
+            NONE => {
+                let moved = world.block.state.mocap_quat.get(link.mocap as usize);
+                moved.map_or(placed, |quat| unit(quat.map(|x| world.number(&x))))
+            }
+            parent => out[parent as usize] * placed,
+        };
         for joint in &world.tables.joints[link.joints.range()] {
             match joint.kind {
-                JointKind::Free => turn = unit(joint.qpos + 3),
-                JointKind::Ball => turn *= unit(joint.qpos),
+                JointKind::Free => turn = turned(joint.qpos + 3),
+                JointKind::Ball => turn *= turned(joint.qpos),
                 JointKind::Hinge => {
                     let axis = DVec3::from(joint.axis.map(Real::to_f64));
                     turn *= DQuat::from_axis_angle(axis, q(joint.qpos, 0) - joint.qpos0.to_f64());
@@ -235,7 +246,7 @@ pub(super) fn jacobian<L: LaneQuery>(world: World<'_, L>, _: &mut Poses, out: &m
     let placement = world.point.and_then(|point| point.placements(world.model).get(point.id()));
     let Some(placement) = placement.filter(|placement| placement.link != NONE) else { return };
     let at = position(world, placement) - origin(world, placement.link);
-    let mut dof = world.tables.links[placement.link as usize].dofs.range().end as u32 - 1;
+    let mut dof = world.tables.links[placement.link as usize].last_dof();
     while dof != NONE {
         let motion = &world.workspace.position.cdof[dof as usize];
         let turn = world.vector(&motion[..3]);

@@ -6,7 +6,7 @@
 
 One file per model. Names are MuJoCo's, behind a prefix:
 
-    in/     qpos qvel ctrl qfrc_applied xfrc_applied, act and eq_active if there are any, [N, ...]: the states
+    in/     qpos qvel ctrl qfrc_applied xfrc_applied, act, eq_active and mocap_pos, mocap_quat if there are any, [N, ...]: the states
     out/    what mj_forward leaves behind at each state, [N, ...], sensordata if there are sensors; contacts and constraint rows
             are padded with zeros to the largest count, `out/ncon` and `out/nefc` say how many count
     next/   qpos, qvel and act after one mj_step (Euler)
@@ -116,7 +116,16 @@ def anywhere(model, rng):
     data.qvel[:] = rng.standard_normal(model.nv)
     data.qfrc_applied[:] = 0.3 * rng.standard_normal(model.nv)
     data.xfrc_applied[1:] = 0.3 * rng.standard_normal((model.nbody - 1, 6))
+    carry(model, data, rng)
     return data
+
+
+def carry(model, data, rng):
+    """Moves mocap bodies a little."""
+    if model.nmocap:
+        data.mocap_pos += 0.1 * rng.standard_normal((model.nmocap, 3))
+        data.mocap_quat += 0.3 * rng.standard_normal((model.nmocap, 4))
+        data.mocap_quat /= np.linalg.norm(data.mocap_quat, axis=1, keepdims=True)
 
 
 def toggled(model, rng):
@@ -130,6 +139,7 @@ def settled(model, rng):
     """After a while under control noise."""
     data = mujoco.MjData(model)
     data.qvel[:] = 0.05 * rng.uniform(-1, 1, model.nv)
+    carry(model, data, rng)
     lo, hi = control_range(model)
     for _ in range(SETTLE + int(rng.integers(200))):
         data.ctrl[:] = rng.uniform(lo, hi)
@@ -148,7 +158,8 @@ def move(model, qpos, by):
 
 def inputs(model):
     """What makes up a state."""
-    return INPUTS + ("act",) * (model.na > 0) + ("eq_active",) * (model.neq > 0)
+    mocap = ("mocap_pos", "mocap_quat") * (model.nmocap > 0)
+    return INPUTS + ("act",) * (model.na > 0) + ("eq_active",) * (model.neq > 0) + mocap
 
 
 def more_than_joints(model):

@@ -8,7 +8,7 @@ use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::{norm, splat};
 use crate::model::{Actuator, Dynamics, Instance, Model, Tendon, Transmission};
 use crate::passive::Passive;
-use crate::position::Position;
+use crate::position::{Configuration, Position};
 use crate::state::State;
 use crate::tendon::Tendons;
 
@@ -38,13 +38,13 @@ fields! {
 #[inline(always)]
 pub fn lengths<L: Lane>(
     model: Instance<'_, L>,
-    qpos: &[L],
+    configuration: Configuration<'_, L>,
     places: (&Position<L>, &Tendons<L>),
     actuation: &mut Actuation<L>,
 ) {
     for (a, actuator) in model.actuators.iter().enumerate() {
         let moment = &mut actuation.moment[actuator.moments.range()];
-        actuation.length[a] = transmission::transmit(model, a, qpos, places, moment);
+        actuation.length[a] = transmission::transmit(model, a, configuration, places, moment);
     }
 }
 
@@ -56,8 +56,8 @@ pub fn actuation<L: Lane>(
     (position, tendons, passive): (&Position<L>, &Tendons<L>, &Passive<L>),
     actuation: &mut Actuation<L>,
 ) -> L::Mask {
-    let State { qpos, qvel, ctrl, act, .. } = state;
-    lengths(model, qpos, (position, tendons), actuation);
+    let State { qvel, ctrl, act, .. } = state;
+    lengths(model, state.into(), (position, tendons), actuation);
     actuation.qfrc_actuator.fill(L::zero());
     actuation.act_dot.fill(L::zero());
     actuation.total.fill(L::zero());

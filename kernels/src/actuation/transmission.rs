@@ -8,7 +8,7 @@ use crate::math::vec3::{
     Mat3, Vec3, add, column, cross, cross_add, dot, mul, mul_add, mul_mat, mul_t, scale, scale_add, splat, sub,
 };
 use crate::model::{Actuator, Instance, MomentDof, NONE, Transmission};
-use crate::position::Position;
+use crate::position::{Configuration, Position, orientation};
 use crate::tendon::{self, Tendons};
 
 /// Sets the moments of actuator `a`, and returns its length.
@@ -16,7 +16,7 @@ use crate::tendon::{self, Tendons};
 pub(super) fn transmit<L: Lane>(
     model: Instance<'_, L>,
     a: usize,
-    qpos: &[L],
+    configuration: Configuration<'_, L>,
     (position, tendons): (&Position<L>, &Tendons<L>),
     moment: &mut [L],
 ) -> L {
@@ -30,9 +30,9 @@ pub(super) fn transmit<L: Lane>(
             gear[0] * tendons.length[tendon]
         }
         Transmission::Site => site(model, actuator, &gear, position, moment),
-        Transmission::Relative => relative(model, actuator, &gear, qpos, position, moment),
+        Transmission::Relative => relative(model, actuator, &gear, configuration, position, moment),
         Transmission::SliderCrank => slider_crank(model, actuator, gear[0], position, moment),
-        _ => joint(actuator, &gear, &qpos[actuator.qpos as usize..], moment),
+        _ => joint(actuator, &gear, &configuration.qpos[actuator.qpos as usize..], moment),
     }
 }
 
@@ -129,7 +129,7 @@ fn relative<L: Lane>(
     model: Instance<'_, L>,
     actuator: &Actuator<L::Real>,
     gear: &[L; 6],
-    qpos: &[L],
+    configuration: Configuration<'_, L>,
     position: &Position<L>,
     moment: &mut [L],
 ) -> L {
@@ -139,8 +139,8 @@ fn relative<L: Lane>(
     let mounts = &model.mounts[actuator.mounts.range()];
     let mut length = dot(&push, &shift);
     if actuator.turns {
-        let [one, other] =
-            [0, 1].map(|k: usize| tree::orientation(&model, qpos, mounts[k].link, splat(&mounts[k].quat)));
+        let [one, other] = [0, 1]
+            .map(|k: usize| orientation::orientation(&model, configuration, mounts[k].link, splat(&mounts[k].quat)));
         length += dot(&turn, &quat::log(&quat::mul(&quat::conjugate(&other), &one)));
     }
     let (push, turn) = (mul(&second.rot, &push), mul(&second.rot, &turn));

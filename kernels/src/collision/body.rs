@@ -68,7 +68,8 @@ impl Frames {
     /// Those of the pair.
     pub fn new<T>(model: &Model<T>, pair: &Pair<T>) -> Self {
         let tree = |link: u32| if link == NONE { NONE } else { model.links[link as usize].tree };
-        Frames { trees: [tree(pair.link1), tree(pair.link2)], reference: tree(reference(pair)) }
+        let trees = pair.geoms().map(|geom| tree(model.geoms[geom].link));
+        Frames { trees, reference: tree(reference(pair)) }
     }
 
     /// A place relative to the origin of the `k`th geom's tree, made relative to the pair's reference point.

@@ -110,7 +110,7 @@ fn segments<L: Lane>(between: &Vec3<L>, (axis1, half1): (&Vec3<L>, L), (axis2, h
 /// The model's pairs, those first that are nearest in the reference configuration.
 pub(super) fn nearest_first<T: Scalar>(model: &Model<T>) -> Vec<u32> {
     let mut position = Position::<T>::new(&model.sizes);
-    kinematics(model.into(), &model.qpos0, &mut position);
+    kinematics(model.into(), (&model.qpos0[..]).into(), &mut position);
     let gap = |pair: &Pair<T>| {
         let test = Test::new(model, pair);
         let [first, second] = test.geoms.map(|g| body(model.into(), &position, g as usize));

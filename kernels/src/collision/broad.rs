@@ -12,7 +12,7 @@
 
 use crate::lane::{Lane, LaneQuery, Mask, Real};
 use crate::model::{Instance, Model};
-use crate::position::Position;
+use crate::position::{Configuration, Position};
 
 use super::Colliders;
 use super::body::body;
@@ -77,21 +77,26 @@ impl<L: LaneQuery> Broad<L> {
     pub fn test(
         &mut self,
         model: Instance<'_, L>,
-        (qpos, position): (&[L], &Position<L>),
+        (configuration, position): (Configuration<'_, L>, &Position<L>),
         alive: L::Mask,
         colliders: &mut Colliders<L>,
     ) -> bool {
         self.schedule.begin(self.tests.len(), colliders);
-        colliders.set_out(qpos, position);
+        colliders.set_out(configuration, position);
         let any = self.test_pairs(model, position, alive, colliders);
         self.end(colliders);
         any
     }
 
     /// Begins tests of so many groups.
-    pub fn begin(&mut self, groups: usize, (qpos, position): (&[L], &Position<L>), colliders: &mut Colliders<L>) {
+    pub fn begin(
+        &mut self,
+        groups: usize,
+        (configuration, position): (Configuration<'_, L>, &Position<L>),
+        colliders: &mut Colliders<L>,
+    ) {
         self.schedule.begin(2 * groups, colliders);
-        colliders.set_out(qpos, position);
+        colliders.set_out(configuration, position);
     }
 
     /// Whether a group is due in some world of `alive`.

@@ -12,8 +12,8 @@ use crate::model::{Model, NONE, Pair, Shape};
 pub struct Class {
     /// Shapes.
     pub shapes: (Shape, Shape),
-    /// Whether each geom moves, and whether both do in one tree.
-    moves: ([bool; 2], bool),
+    /// Whether each geom moves, whether both do in one tree, and whether contacts are placed in the first's.
+    moves: ([bool; 2], [bool; 2]),
     /// The first such pair.
     pub pair: u32,
 }
@@ -21,8 +21,8 @@ pub struct Class {
 impl Class {
     /// That of a pair; `None`: it has no formula in lanes.
     fn new<T>(model: &Model<T>, number: u32, pair: &Pair<T>) -> Option<Self> {
-        let (shapes, Frames { trees, .. }) = (shapes(model, number), Frames::new(model, pair));
-        let moves = (trees.map(|tree| tree != NONE), trees[0] == trees[1]);
+        let (shapes, Frames { trees, reference }) = (shapes(model, number), Frames::new(model, pair));
+        let moves = (trees.map(|tree| tree != NONE), [trees[0] == trees[1], trees[0] == reference]);
         in_lanes(shapes).then_some(Class { shapes, moves, pair: number })
     }
 
@@ -35,8 +35,8 @@ impl Class {
     pub fn name(&self) -> String {
         let (first, second) = self.shapes;
         let trees = match self.moves {
-            ([true, true], true) => "in a tree",
-            ([true, true], false) => "of two trees",
+            ([true, true], [true, _]) => "in a tree",
+            ([true, true], _) => "of two trees",
             _ => "on the ground",
         };
         format!("{first:?} {second:?} {trees}").to_lowercase()

@@ -45,6 +45,8 @@ fields! {
         pub axis: Vec<[L; 3]> = sizes.ncollider,
         /// Positions when pairs were last tested.
         pub qpos: Vec<L> = sizes.nq,
+        /// Orientations of mocap bodies then.
+        pub mocap_quat: Vec<[L; 4]> = sizes.nmocap,
         /// Origins of trees then.
         pub origin: Vec<[L; 3]> = sizes.ntree,
         /// By tree, bounds of the way since then, m, from the joints below its first link, and from those of it.

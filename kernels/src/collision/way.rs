@@ -8,7 +8,7 @@
 use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::{Vec3, sub};
 use crate::model::{Blur, Joint, JointKind, Model, NONE, Shape};
-use crate::position::Position;
+use crate::position::{Configuration, Position};
 
 use super::{Colliders, bound};
 
@@ -92,10 +92,11 @@ fn extension<L: Lane>(model: &Model<L::Real>, qpos: &[L], colliders: &Colliders<
 /// nowhere, that tests are due.
 pub fn way<L: Lane>(
     model: &Model<L::Real>,
-    qpos: &[L],
+    configuration: Configuration<'_, L>,
     position: &Position<L>,
     colliders: &mut Colliders<L>,
 ) -> L::Mask {
+    let qpos = configuration.qpos;
     let extension = extension(model, qpos, colliders);
     colliders.stir.fill([L::zero(); 2]);
     for joint in &model.joints {
@@ -112,6 +113,11 @@ pub fn way<L: Lane>(
             JointKind::Ball => turn(old, new).mul_add(lever, *stir),
             JointKind::Free => turn(&old[3..], &new[3..]).mul_add(lever, *stir),
         };
+    }
+    for (l, link) in model.links.iter().enumerate().filter(|(_, link)| link.mocap != NONE) {
+        let mocap = link.mocap as usize;
+        let turn = turn(&colliders.mocap_quat[mocap], &configuration.mocap_quat[mocap]);
+        colliders.stir[link.tree as usize][1] = turn * L::splat(model.levers[l]);
     }
     let mut known = L::Mask::splat(true);
     let (mut longest, mut farthest) = ([L::zero(); 2], L::zero());
@@ -138,8 +144,9 @@ pub fn way<L: Lane>(
 
 impl<L: Lane> Colliders<L> {
     /// Measures ways from these positions on.
-    pub fn set_out(&mut self, qpos: &[L], position: &Position<L>) {
-        self.qpos.copy_from_slice(qpos);
+    pub fn set_out(&mut self, configuration: Configuration<'_, L>, position: &Position<L>) {
+        self.qpos.copy_from_slice(configuration.qpos);
+        self.mocap_quat.copy_from_slice(configuration.mocap_quat);
         self.origin.copy_from_slice(&position.origin);
     }
 }

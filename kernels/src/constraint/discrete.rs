@@ -174,7 +174,7 @@ fn contact<L: LaneQuery>(
             [normal, tangent, ..] => std::array::from_fn(|k| lean.mul_add(tangent[k], normal[k])),
             _ => rows[0],
         };
-        let mut dof = model.links[row.link as usize].dofs.range().end as u32 - 1;
+        let mut dof = model.links[row.link as usize].last_dof();
         while dof != NONE {
             ratio.add(model, metric, dof as usize, dot6(&first, &motion.position.cdof[dof as usize]));
             dof = model.dofs[dof as usize].parent;

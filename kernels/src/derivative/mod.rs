@@ -80,7 +80,7 @@ fn trees<T>(model: &Model<T>) -> impl Iterator<Item = Tree> {
         let carried = links[l + 1..].iter().take_while(|link| link.parent != NONE).count();
         let own = links[l].dofs.range();
         let dofs = own.start..links[l + carried].dofs.range().end;
-        let free = matches!(model.dofs[own.start].kind, DofKind::FreeTranslation(_));
+        let free = !own.is_empty() && matches!(model.dofs[own.start].kind, DofKind::FreeTranslation(_));
         let skew = match model.options.integrator {
             Integrator::Implicit => true,
             Integrator::ImplicitFast | Integrator::Discrete => free && carried == 0,

@@ -41,14 +41,14 @@ pub fn collide<L: LaneQuery>(
 /// Bounding tests pair by pair, of those that are due. Whether any pair may be near.
 fn test_pairs<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32) -> bool {
     let Collision { broad, colliders, .. } = &mut step.ws.collision;
-    broad.test(step.model, (&step.state.qpos, &step.ws.position), L::mask_of(alive), colliders)
+    broad.test(step.model, ((&*step.state).into(), &step.ws.position), L::mask_of(alive), colliders)
 }
 
 /// Bounding tests in groups, of those that are due. Whether any pair is near.
 fn test_groups<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn Executor<L>) -> bool {
     let Collision { broad, colliders, groups, words, .. } = &mut step.ws.collision;
     let count = groups.len();
-    broad.begin(count, (&step.state.qpos, &step.ws.position), colliders);
+    broad.begin(count, ((&*step.state).into(), &step.ws.position), colliders);
     let mut words = std::mem::take(words);
     let mut any = false;
     for group in 0..count {

@@ -2,11 +2,10 @@
 //! translation along a world axis or one rotation through the tree's origin, and take part in every row: they are
 //! spelled out. Orientations of links as quaternions, composed from joint to joint as MuJoCo does.
 
-use super::quat::{self, Quat};
 use super::spatial::{Spatial, Sym6, at, dot6};
-use super::vec3::{build, scale_add, splat, zero};
-use crate::lane::{Lane, sin_cos};
-use crate::model::{DofKind, JointKind, Model, NONE};
+use super::vec3::{build, scale_add, zero};
+use crate::lane::Lane;
+use crate::model::{DofKind, Model, NONE};
 
 /// Product of dof `i`'s axis and a force.
 #[inline(always)]
@@ -58,7 +57,7 @@ pub fn twists<L: Lane>(model: &Model<L::Real>, cdof: &[Spatial<L>], x: &[L], out
 /// Adds the generalised force of a force on link `l`.
 #[inline(always)]
 pub fn push<L: Lane>(model: &Model<L::Real>, cdof: &[Spatial<L>], l: usize, wrench: &Spatial<L>, force: &mut [L]) {
-    let mut i = model.links[l].dofs.range().end as u32 - 1;
+    let mut i = model.links[l].last_dof();
     while i != NONE {
         force[i as usize] += dot6(&cdof[i as usize], wrench);
         i = model.dofs[i as usize].parent;
@@ -99,37 +98,4 @@ pub fn project_on_ancestors<L: Lane>(
             }
         }
     }
-}
-
-/// Orientation of a link that its parent, turned by `before`, carries; or that the world does.
-#[inline(always)]
-pub fn turned<L: Lane>(model: &Model<L::Real>, qpos: &[L], l: u32, before: Option<Quat<L>>) -> Quat<L> {
-    let link = &model.links[l as usize];
-    let placed = splat(&link.quat);
-    let mut turn = before.map_or(placed, |before| quat::mul(&before, &placed));
-    for joint in &model.joints[link.joints.range()] {
-        let q = &qpos[joint.qpos as usize..];
-        match joint.kind {
-            JointKind::Free => turn = quat::unit(&[q[3], q[4], q[5], q[6]]),
-            JointKind::Ball => turn = quat::mul(&turn, &quat::unit(&[q[0], q[1], q[2], q[3]])),
-            JointKind::Hinge => {
-                let (sin, cos) = sin_cos((q[0] - L::splat(joint.qpos0)) * L::of(0.5));
-                let axis: [L; 3] = splat(&joint.axis);
-                turn = quat::mul(&turn, &[cos, sin * axis[0], sin * axis[1], sin * axis[2]]);
-            }
-            JointKind::Slide => {}
-        }
-    }
-    turn
-}
-
-/// Orientation of a frame that is turned by `own` on a link, or in the world for [`NONE`].
-#[inline(always)]
-pub fn orientation<L: Lane>(model: &Model<L::Real>, qpos: &[L], mut l: u32, own: Quat<L>) -> Quat<L> {
-    let mut turn = own;
-    while l != NONE {
-        turn = quat::mul(&turned(model, qpos, l, None), &turn);
-        l = model.links[l as usize].parent;
-    }
-    turn
 }

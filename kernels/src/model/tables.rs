@@ -5,7 +5,7 @@ use super::{NONE, Span};
 use crate::lane::{Lane, Real};
 
 table! {
-    /// A body with joints, with everything that is fixed to it.
+    /// A body with joints or a mocap body, with everything that is fixed to it.
     pub struct Link {
         /// Link that carries it, or [`NONE`]: the world or a body that stands still.
         pub parent: u32,
@@ -13,6 +13,8 @@ table! {
         pub tree: u32,
         /// MJCF body that has the joints.
         pub body: u32,
+        /// Mocap body that it is, without joints, or [`NONE`].
+        pub mocap: u32,
         /// Its joints.
         pub joints: Span,
         /// Its degrees of freedom.
@@ -239,9 +241,9 @@ table! {
         pub geom1: u32,
         /// Second geom.
         pub geom2: u32,
-        /// Link of the first geom, or [`NONE`].
+        /// Link of the first geom, or [`NONE`] if joints do not move it: it may be a mocap body's.
         pub link1: u32,
-        /// Link of the second geom, or [`NONE`].
+        /// Link of the second geom, likewise.
         pub link2: u32,
         /// Dimension of its contacts: 1, 3, 4 or 6.
         pub condim: u32,
@@ -300,7 +302,21 @@ impl<T: Copy> Pair<T> {
     }
 }
 
+impl<T> Link<T> {
+    /// The last of its degrees of freedom, or [`NONE`].
+    #[inline(always)]
+    pub fn last_dof(&self) -> u32 {
+        if self.dofs.len == 0 { NONE } else { self.dofs.start + self.dofs.len - 1 }
+    }
+}
+
 impl<T> Pair<T> {
+    /// Its geoms.
+    #[inline(always)]
+    pub fn geoms(&self) -> [usize; 2] {
+        [self.geom1 as usize, self.geom2 as usize]
+    }
+
     /// Whether the geoms cannot move against each other: the contacts are reported and have no rows. Only MJCF's `pair` names
     /// such geoms.
     pub fn rigid(&self) -> bool {

@@ -70,7 +70,8 @@ impl Item<'_> {
             }
             Item::Near(near) => {
                 let pair = &model.pairs[near.pair as usize];
-                let [[pos1, rot1, origin1], [pos2, rot2, origin2]] = [pair.link1, pair.link2].map(|link| {
+                let [[pos1, rot1, origin1], [pos2, rot2, origin2]] = pair.geoms().map(|geom| {
+                    let link = model.geoms[geom].link;
                     let [link, tree] = if link == NONE { [0; 2] } else { [link, model.links[link as usize].tree] };
                     [3 * link as usize, 9 * link as usize, 3 * tree as usize]
                 });
@@ -132,8 +133,8 @@ impl Item<'_> {
             (Item::Near(near), ..) => {
                 let pair = &model.pairs[near.pair as usize];
                 let moving = |len: usize, columns: [usize; 2]| {
-                    let of = [pair.link1, pair.link2].into_iter().zip(columns);
-                    of.filter(|(link, _)| *link != NONE).map(|(_, column)| (column, len)).collect()
+                    let of = pair.geoms().into_iter().zip(columns);
+                    of.filter(|(geom, _)| model.geoms[*geom].link != NONE).map(|(_, column)| (column, len)).collect()
                 };
                 match (stage, name) {
                     ("position", "pos") => moving(3, [0, 4]),

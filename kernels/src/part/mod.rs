@@ -179,7 +179,7 @@ parts! {
             let Step { model, state, ws, .. } = step;
             let Workspace { position, tendons, velocity, constraint, .. } = &mut **ws;
             let motion = constraint::Motion { position, velocity, tendons, qvel: &state.qvel };
-            let read = (&state.qpos[..], &state.eq_active[..]);
+            let read = ((&**state).into(), &state.eq_active[..]);
             let masks = constraint::equality_rows(*model, motion, read, alive, &mut constraint.equality);
             masks.into_iter().for_each(put);
         };

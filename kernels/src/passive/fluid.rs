@@ -84,7 +84,7 @@ pub(crate) fn add_slope<L: Lane>(
                 h * square.mul_add(moving[part][k].abs(), L::splat(fluid.linear[part]))
             })
         });
-        let mut i = model.links[fluid.link as usize].dofs.range().end as u32 - 1;
+        let mut i = model.links[fluid.link as usize].last_dof();
         while i != NONE {
             let [turning, going] = body.along(&position.cdof[i as usize], &still);
             let held: [Vec3<L>; 2] = [build(|k| slope[0][k] * turning[k]), build(|k| slope[1][k] * going[k])];

@@ -7,11 +7,12 @@ pub(crate) mod orientation;
 
 use crate::fields::fields;
 use crate::lane::{Lane, sin_cos};
-use crate::math::quat;
+use crate::math::quat::{self, Quat};
 use crate::math::vec3::{
     Mat3, Vec3, add, column, cross, mul, mul_add, mul_mat, neg, rotate_columns, rotation, scale, splat, sub, zero,
 };
 use crate::model::{AxisKind, Instance, Joint, JointKind, Link, Model, NONE};
+use crate::state::State;
 
 fields! {
     /// Poses of links and axes of dofs.
@@ -41,11 +42,54 @@ impl<L: Lane> Position<L> {
     }
 }
 
-/// Poses of all links from positions `qpos` (quaternions of any positive length).
-pub fn kinematics<L: Lane>(model: Instance<'_, L>, qpos: &[L], position: &mut Position<L>) {
+/// What places all links: positions of joints, and poses of mocap bodies (quaternions of any positive length).
+#[derive(Debug)]
+pub struct Configuration<'a, L> {
+    /// Positions.
+    pub qpos: &'a [L],
+    /// Positions of mocap bodies; none: they are where the model puts them.
+    pub mocap_pos: &'a [[L; 3]],
+    /// Orientations of mocap bodies, likewise.
+    pub mocap_quat: &'a [[L; 4]],
+}
+
+impl<L> Clone for Configuration<'_, L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L> Copy for Configuration<'_, L> {}
+
+/// Mocap bodies are where the model puts them.
+impl<'a, L> From<&'a [L]> for Configuration<'a, L> {
+    fn from(qpos: &'a [L]) -> Self {
+        Configuration { qpos, mocap_pos: &[], mocap_quat: &[] }
+    }
+}
+
+impl<'a, L> From<&'a State<L>> for Configuration<'a, L> {
+    fn from(state: &'a State<L>) -> Self {
+        Configuration { qpos: &state.qpos, mocap_pos: &state.mocap_pos, mocap_quat: &state.mocap_quat }
+    }
+}
+
+impl<L: Lane> Configuration<'_, L> {
+    /// Position and orientation of a link that is a mocap body, unless it is where the model puts it.
+    #[inline(always)]
+    pub fn mocap(&self, link: &Link<L::Real>) -> Option<(Vec3<L>, Quat<L>)> {
+        let number = link.mocap as usize;
+        Some((*self.mocap_pos.get(number)?, quat::unit(self.mocap_quat.get(number)?)))
+    }
+}
+
+/// Poses of all links.
+pub fn kinematics<L: Lane>(model: Instance<'_, L>, configuration: Configuration<'_, L>, position: &mut Position<L>) {
+    let qpos = configuration.qpos;
     for (l, link) in model.links.iter().enumerate() {
         let root = link.parent == NONE;
-        let (mut pos, mut rot) = placed(link, position);
+        let moved = configuration.mocap(link).map(|(pos, quat)| (pos, quat::to_matrix(&quat)));
+        let (mut pos, mut rot) = moved.unwrap_or_else(|| placed(link, position));
         let first = link.joints.start as usize;
         for j in link.joints.range() {
             let joint = &model.joints[j];

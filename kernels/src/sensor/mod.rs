@@ -88,7 +88,7 @@ pub fn measure<L: Lane>(
     let Sensors { data, cacc, quat } = sensors;
     accelerate(model, &velocity.cacc, (&position.cdof, &solver.fields.qacc), cacc);
     if !quat.is_empty() {
-        orientation::quaternions(&model, &state.qpos, 0..model.links.len() as u32, quat);
+        orientation::quaternions(&model, state.into(), 0..model.links.len() as u32, quat);
     }
     let seen = Seen { stages, energy, cacc, quat };
     for sensor in model.sensors.iter().filter(|sensor| !sensor.kind.of_rows()) {

@@ -186,7 +186,7 @@ fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
             }
             continue;
         }
-        let mut dof = model.links[row.link as usize].dofs.range().end as u32 - 1;
+        let mut dof = model.links[row.link as usize].last_dof();
         while dof != NONE {
             let cdof = &position.cdof[dof as usize];
             for i in row.components() {

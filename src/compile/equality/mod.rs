@@ -294,8 +294,7 @@ fn weights(objects: &Objects, scene: &Scene, derived: &Derived, tendon_invweight
 /// The dofs that move one of two links against the other, ascending. Rotations that move both do, about a point between those
 /// that are held together; translations do not.
 pub(super) fn between(dofs: &[Dof<f64>], links: &Links, sides: [u32; 2]) -> Vec<EqualityDof> {
-    let last = |link: u32| if link == NONE { NONE } else { links.links[link as usize].dofs.range().end as u32 - 1 };
-    let mut at = sides.map(last);
+    let mut at = sides.map(|link| links.last_dof(link));
     let mut out = Vec::new();
     while at != [NONE; 2] {
         // The later of two dofs cannot move the other's link.

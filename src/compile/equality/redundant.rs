@@ -22,13 +22,13 @@ pub(crate) fn notes(spec: &Spec, tables: &Model<f64>) -> Vec<String> {
         return Vec::new();
     }
     let (mut position, velocity) = (Position::<f64>::new(sizes), Velocity::<f64>::new(sizes));
-    position::kinematics(Instance::from(tables), &tables.qpos0, &mut position);
+    position::kinematics(Instance::from(tables), (&tables.qpos0[..]).into(), &mut position);
     let qvel = vec![0.0; sizes.nv];
     let mut lengths = Tendons::<f64>::new(sizes);
     tendon::tendons(tables, &position, &tables.qpos0, &qvel, &mut lengths);
     let motion = Motion { position: &position, velocity: &velocity, tendons: &lengths, qvel: &qvel };
     let mut rows = Constraint::<f64>::new(tables).equality;
-    let read = (&tables.qpos0[..], &tables.eq_active0[..]);
+    let read = ((&tables.qpos0[..]).into(), &tables.eq_active0[..]);
     equality_rows(Instance::from(tables), motion, read, true, &mut rows);
     let (mut basis, mut notes) = (Vec::new(), Vec::new());
     for equality in tables.equalities.iter().filter(|equality| tables.eq_active0[equality.id as usize] != 0.0) {

@@ -203,7 +203,7 @@ impl Tendons {
 /// Lengths and Jacobians of the tendons of a model.
 fn measure(model: &Model<f64>, qpos: &[f64]) -> Stage<f64> {
     let (mut position, mut tendons) = (Position::new(&model.sizes), Stage::new(&model.sizes));
-    position::kinematics(Instance::from(model), qpos, &mut position);
+    position::kinematics(Instance::from(model), qpos.into(), &mut position);
     tendon::tendons(model, &position, qpos, &vec![0.0; model.sizes.nv], &mut tendons);
     tendons
 }

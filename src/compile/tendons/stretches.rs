@@ -110,7 +110,7 @@ impl Places<'_> {
     fn moved(&self, stretch: &Stretch<f64>) -> BTreeMap<u32, [bool; 3]> {
         let mut moves: BTreeMap<u32, [bool; 3]> = BTreeMap::new();
         for (side, link) in stretch.links.into_iter().enumerate().filter(|(_, link)| *link != NONE) {
-            let mut dof = self.links.links[link as usize].dofs.range().end as u32 - 1;
+            let mut dof = self.links.last_dof(link);
             while dof != NONE {
                 moves.entry(dof).or_default()[side] = true;
                 dof = self.dofs[dof as usize].parent;

@@ -400,15 +400,17 @@ fn hinge_named(name: &str) -> Joint {
 }
 
 #[test]
-fn mocap_bodies_stand_still() {
+fn mocap_bodies_are_links_without_joints() {
     let mut spec = Spec::new("mocap");
     let hand = spec.add_body(0, Body { mocap: true, geoms: vec![ball(0.1)], ..body(0, [0.0, 0.0, 1.0]) });
     spec.add_body(hand, Body { joints: vec![hinge()], geoms: vec![ball(0.1)], ..Body::default() });
     spec.keys.push(Key { mquat: Some(vec![2.0, 0.0, 0.0, 0.0]), ..Key::default() });
     let model = model(&spec);
     let place = model.placements().geoms[0];
-    assert_eq!((place.link, place.mocap, place.pos), (NONE, Some(0), [0.0, 0.0, 1.0]));
-    assert_eq!(model.tables().links[0].pos, [0.0, 0.0, 1.0]);
+    let tables = model.tables();
+    assert_eq!((place.link, place.pos), (0, [0.0; 3]));
+    assert_eq!((tables.links[0].mocap, tables.links[0].pos, tables.links[0].dofs.len), (0, [0.0, 0.0, 1.0], 0));
+    assert_eq!((tables.links[1].mocap, tables.links[1].parent, tables.sizes.nv), (NONE, 0, 1));
     let key = &model.keys()[0];
     assert_eq!(
         (key.mpos.as_slice(), key.mquat.as_slice()),

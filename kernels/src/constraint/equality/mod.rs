@@ -11,7 +11,7 @@ use super::dof_rows::regulariser;
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::zero;
 use crate::model::{Equality, EqualityDof, EqualityKind, Instance, Model, NONE};
-use crate::position::orientation;
+use crate::position::{Configuration, orientation};
 use crate::tendon;
 
 /// Equality constraints of a block. Lists of numbers have room for all that the model has, each at its place.
@@ -93,11 +93,11 @@ impl<L: Lane> Equalities<L> {
 pub fn equality_rows<L: Lane>(
     model: Instance<'_, L>,
     motion: Motion<'_, L>,
-    (qpos, active): (&[L], &[L]),
+    (configuration, active): (Configuration<'_, L>, &[L]),
     alive: L::Mask,
     out: &mut Equalities<L>,
 ) -> [L::Mask; 2] {
-    orientation::quaternions(&model, qpos, out.turning.iter().copied(), &mut out.quats);
+    orientation::quaternions(&model, configuration, out.turning.iter().copied(), &mut out.quats);
     out.swamping = L::zero();
     let [mut some, mut cross] = [L::Mask::splat(false); 2];
     for (e, equality) in model.equalities.iter().enumerate() {
@@ -107,7 +107,7 @@ pub fn equality_rows<L: Lane>(
             cross = cross | acts;
         }
         let held = match equality.kind {
-            EqualityKind::Joint => joint::held(equality, equality.qpos, qpos),
+            EqualityKind::Joint => joint::held(equality, equality.qpos, configuration.qpos),
             EqualityKind::Tendon => joint::held(equality, equality.tendons, &motion.tendons.length),
             EqualityKind::Connect | EqualityKind::Weld => sides::held(model, equality, motion, &out.quats),
         };
