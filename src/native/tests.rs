@@ -172,8 +172,8 @@ fn scene<L: Block>(
     let nan = L::of(f64::NAN);
     scene.step(tables, false).lend_all(&mut |field, [stage, name], lanes| {
         let Lanes::Write(lanes) = lanes else { return };
-        let kept =
-            matches!(stage, "state" | "position" | "inertia" | "velocity") || (stage, name) == ("collision", "qpos");
+        let kept = matches!(stage, "state" | "position" | "inertia" | "metric" | "velocity")
+            || (stage, name) == ("collision", "qpos");
         if kept && lanes.len() == geometry[field].len() {
             lanes.copy_from_slice(&geometry[field]);
         } else if coded.sources.iter().any(|source| source.field == field) {
@@ -290,6 +290,20 @@ fn every_part_is_its_kernel_f32() {
 /// What only some options need.
 const SWEPT: [(&str, &str); 3] = [("solver", "PGS"), ("noslip_iterations", "3"), ("integrator", "RK4")];
 const OF_SWEPT: [Op; 4] = [Op::Sweep, Op::Push, Op::Hold, Op::Combine];
+
+/// What of a discrete step depends on its metric.
+const DISCRETE: [(&str, &str); 1] = [("integrator", "discrete")];
+const OF_DISCRETE: [Op; 6] = [Op::Smooth, Op::Depart, Op::Turn, Op::Descend, Op::Polish, Op::Integrate];
+
+#[test]
+fn every_part_of_discrete_steps_is_its_kernel_f64() {
+    check_all::<f64>(Model::tables, &DISCRETE, &OF_DISCRETE, 300);
+}
+
+#[test]
+fn every_part_of_discrete_steps_is_its_kernel_f32() {
+    check_all::<f32>(Model::tables_f32, &DISCRETE, &OF_DISCRETE, 300);
+}
 
 #[test]
 fn every_part_of_sweeps_is_its_kernel_f64() {

@@ -77,7 +77,7 @@ impl<L: Lane> Step<'_, L> {
     pub fn lend<'b>(&'b mut self, set: Threes, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
         let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
-        let Workspace { tendons, derivative, collision, constraint, solver, sensors, rk4, .. } = ws;
+        let Workspace { tendons, derivative, collision, constraint, solver, sensors, metric, rk4, .. } = ws;
         let Collision { colliders, found, parallel, .. } = collision;
         let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, equality, .. } = constraint;
         let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
@@ -157,6 +157,8 @@ impl<L: Lane> Step<'_, L> {
             "edge_force": edge_force,
             "gain": gain,
         );
+        let metric = metric.as_deref_mut().map_or(&mut [][..], |metric| &mut metric.m);
+        group!(Metric, "m": metric);
         if let Some(rk4) = rk4 {
             let Rk4 { stage, rates } = &mut **rk4;
             stages!(Rk4: stage; Rates: rates;);
@@ -266,6 +268,8 @@ groups! {
     Rows: "solver", 10;
     /// What dual solvers have.
     Dual: "solver", 10;
+    /// What discrete steps have in place of the inertia matrix.
+    Metric: "metric", 1;
     /// The intermediate state of a Runge-Kutta step, if the model is integrated so; the last groups.
     Rk4: "rk4", State::<f64>::COUNT;
     /// What its evaluations have added up to.
@@ -291,11 +295,11 @@ impl Group {
 
 /// A set of fields, three by three of each group.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Threes(u64);
+pub struct Threes(u128);
 
 impl Threes {
     /// All.
-    pub const ALL: Threes = Threes(u64::MAX);
+    pub const ALL: Threes = Threes(u128::MAX);
     /// None.
     pub const NONE: Threes = Threes(0);
 
@@ -340,6 +344,6 @@ const FIRSTS: [[usize; 2]; Group::ALL.len()] = {
         i += 1;
     }
     let last = all.len() - 1;
-    assert!(all[last][1] + Group::COUNTS[last].div_ceil(3) <= u64::BITS as usize);
+    assert!(all[last][1] + Group::COUNTS[last].div_ceil(3) <= u128::BITS as usize);
     all
 };

@@ -57,7 +57,7 @@ impl<L: Lane> Dual<L> {
         let [nv, contacts] = if used { [model.sizes.nv, contacts] } else { [0; 2] };
         let rows = if used { rows } else { [0; 3] };
         Dual {
-            rows: vec![L::zero(); layout.len()],
+            rows: vec![L::zero(); layout.numbers()],
             diagonal: vec![L::zero(); layout.count()],
             contacts: Vec::with_capacity(entries(&layout, model, [contacts, rows[1]])),
             z: vec![L::zero(); nv],
@@ -77,7 +77,7 @@ impl<L: Lane> Dual<L> {
             return 0;
         }
         let (nv, layout) = (model.sizes.nv, Layout::new(model));
-        let numbers = layout.len() + layout.count() + 3 * nv + rows.iter().sum::<usize>() + 1;
+        let numbers = layout.numbers() + layout.count() + 3 * nv + rows.iter().sum::<usize>() + 1;
         (numbers + entries(&layout, model, [contacts, rows[1]])) * size_of::<L>()
             + contacts * size_of::<Whitened>()
             + layout.bytes()

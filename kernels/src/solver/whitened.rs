@@ -72,7 +72,7 @@ impl Layout {
     }
 
     /// Numbers of these rows.
-    pub fn len(&self) -> usize {
+    pub fn numbers(&self) -> usize {
         self.dofs.len()
     }
 
