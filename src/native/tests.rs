@@ -172,8 +172,8 @@ fn scene<L: Block>(
     let nan = L::of(f64::NAN);
     scene.step(tables, false).lend_all(&mut |field, [stage, name], lanes| {
         let Lanes::Write(lanes) = lanes else { return };
-        let kept = matches!(stage, "state" | "position" | "inertia" | "metric" | "velocity")
-            || (stage, name) == ("collision", "qpos");
+        let kept = matches!(stage, "state" | "position" | "inertia" | "velocity")
+            || matches!((stage, name), ("collision", "qpos") | ("solver", "metric"));
         if kept && lanes.len() == geometry[field].len() {
             lanes.copy_from_slice(&geometry[field]);
         } else if coded.sources.iter().any(|source| source.field == field) {

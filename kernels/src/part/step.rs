@@ -156,9 +156,8 @@ impl<L: Lane> Step<'_, L> {
             "bias.equality": &mut bias.equality,
             "edge_force": edge_force,
             "gain": gain,
+            "metric": metric.as_deref_mut().map_or(&mut [][..], |metric| &mut metric.m),
         );
-        let metric = metric.as_deref_mut().map_or(&mut [][..], |metric| &mut metric.m);
-        group!(Metric, "m": metric);
         if let Some(rk4) = rk4 {
             let Rk4 { stage, rates } = &mut **rk4;
             stages!(Rk4: stage; Rates: rates;);
@@ -266,10 +265,8 @@ groups! {
     Solver: "solver", solver::Solver::<f64>::COUNT;
     /// What the solver has to do with by rows.
     Rows: "solver", 10;
-    /// What dual solvers have.
-    Dual: "solver", 10;
-    /// What discrete steps have in place of the inertia matrix.
-    Metric: "metric", 1;
+    /// What dual solvers have; then what discrete steps have in place of the inertia matrix.
+    Dual: "solver", 11;
     /// The intermediate state of a Runge-Kutta step, if the model is integrated so; the last groups.
     Rk4: "rk4", State::<f64>::COUNT;
     /// What its evaluations have added up to.
@@ -295,11 +292,11 @@ impl Group {
 
 /// A set of fields, three by three of each group.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Threes(u128);
+pub struct Threes(u64);
 
 impl Threes {
     /// All.
-    pub const ALL: Threes = Threes(u128::MAX);
+    pub const ALL: Threes = Threes(u64::MAX);
     /// None.
     pub const NONE: Threes = Threes(0);
 
@@ -343,7 +340,8 @@ const FIRSTS: [[usize; 2]; Group::ALL.len()] = {
         all[i] = [all[i - 1][0] + count, all[i - 1][1] + count.div_ceil(3)];
         i += 1;
     }
+    // Wider sets would cost small models some per cent of a step.
     let last = all.len() - 1;
-    assert!(all[last][1] + Group::COUNTS[last].div_ceil(3) <= u128::BITS as usize);
+    assert!(all[last][1] + Group::COUNTS[last].div_ceil(3) <= u64::BITS as usize);
     all
 };
