@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use lanesim_codegen::{Float, Fragment, InstructionSet, Statistics};
 use lanesim_kernels::lane::LaneQuery;
-use lanesim_kernels::options::Integrator;
 use lanesim_kernels::part::Kernels;
 use lanesim_kernels::state::Status;
 use wide::{f32x16, f64x8};
@@ -50,14 +49,12 @@ impl Running {
     fn choose<T: Float>(
         &mut self,
         options: &Options,
-        discrete: bool,
         get: impl FnOnce() -> Result<Arc<ModelCode<T>>, String>,
     ) -> Option<Arc<ModelCode<T>>> {
         self.backend = Backend::Wide;
         if options.backend == Backend::Wide {
             return None;
         }
-        let get = || if discrete { Err("integrator discrete is stepped by kernels".to_owned()) } else { get() };
         match get() {
             Ok(code) => {
                 self.backend = Backend::Native;
@@ -109,19 +106,17 @@ impl Worlds {
             OnDiverge::Freeze | OnDiverge::Error => None,
         };
         let scalar = options.backend == Backend::Scalar;
-        let discrete = model.tables().options.integrator == Integrator::Discrete;
         let (f64_codes, f32_codes) = model.codes();
         let mut running = Running { backend: options.backend, instructions: None, notice: None };
         let engine: Box<dyn Engine> = match (options.precision, scalar) {
             (Precision::F64, true) => Box::new(Batch::<f64>::new(model, nworld, kernels, pool, options, restart)?),
             (Precision::F32, true) => Box::new(Batch::<f32>::new(model, nworld, kernels, pool, options, restart)?),
             (Precision::F64, false) => {
-                let code = running.choose(options, discrete, || f64_codes.get(model.tables(), options.instructions));
+                let code = running.choose(options, || f64_codes.get(model.tables(), options.instructions));
                 Box::new(Batch::<f64x8>::new(model, nworld, worker_code(code), pool, options, restart)?)
             }
             (Precision::F32, false) => {
-                let code =
-                    running.choose(options, discrete, || f32_codes.get(model.tables_f32(), options.instructions));
+                let code = running.choose(options, || f32_codes.get(model.tables_f32(), options.instructions));
                 Box::new(Batch::<f32x16>::new(model, nworld, worker_code(code), pool, options, restart)?)
             }
         };

@@ -155,6 +155,10 @@ pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
             "derivative.inverse",
         ],
     };
+    // The rows of discrete steps, and what follows the solver.
+    if model.options.integrator == options::Integrator::Discrete {
+        all.extend(["inertia.m", "derivative.metric", "derivative.pull", "derivative.joined"]);
+    }
     // The integration reads them.
     if model.sizes.na > 0 {
         all.push("actuation.act_dot");

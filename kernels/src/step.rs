@@ -1,12 +1,11 @@
 //! A step: the stages are evaluated, whoever wants to looks at them, and an integrator makes the next state of what they found.
 
 use crate::diagnosis;
-use crate::integration::{self, Rk4};
+use crate::integration::Rk4;
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model};
 use crate::part::{Op, Part, Step};
 use crate::pipeline::{Run, Solved, Stage, Stages, forward};
-use crate::solver::Solver;
 use crate::state::{BlockStatus, State, Status};
 use crate::workspace::Workspace;
 
@@ -51,13 +50,8 @@ pub fn advance<L: LaneQuery>(
     if let Some(clock) = &mut run.clock {
         clock.start();
     }
-    let good = if let Some(mut rk4) = ws.rk4.take() {
-        solved = evaluate_between(model, state, run, status, solved, (&mut rk4, ws));
-        ws.rk4 = Some(rk4);
-        // An acceleration on the way counts by the states to which it leads.
-        let accelerations = [&ws.solver.fields.qacc[..], &ws.acceleration.qacc_smooth];
-        let model = Instance { model, varied: run.varied };
-        integration::replace(model, &ws.integration, accelerations, L::mask_of(solved.lanes), state);
+    let good = if ws.rk4.is_some() {
+        solved = evaluate_between(model, state, run, status, solved, ws);
         solved.lanes
     } else {
         let (model, mut good) = (Instance { model, varied: run.varied }, [0]);
@@ -76,36 +70,39 @@ pub fn advance<L: LaneQuery>(
     }
 }
 
-/// The evaluations of a Runge-Kutta step after the first, and the next state that follows from all. Returns what the solvers made of
-/// the worlds: those with which all could work, and those in which any reached its limit.
+/// The evaluations of a Runge-Kutta step after the first, and the commit of the next state that follows from all. Returns what the
+/// solvers made of the worlds: those that have taken the next state, and those in which any reached its limit.
 ///
 /// A world that is lost on the way stays where it was lost: further evaluations repeat the one that lost it, so that the workspace
 /// still holds what happened.
 fn evaluate_between<L: LaneQuery>(
     model: &Model<L::Real>,
-    state: &State<L>,
+    state: &mut State<L>,
     run: &mut Run<'_, L>,
     status: &mut BlockStatus,
     mut solved: Solved,
-    (rk4, ws): (&mut Rk4<L>, &mut Workspace<L>),
+    ws: &mut Workspace<L>,
 ) -> Solved {
     // Nobody reads what they leave.
     let wanted = (run.stages, run.residual, run.keep);
     (run.stages, run.residual, run.keep) = (Stages::STEP, false, false);
-    let mut good = L::mask_of(solved.lanes);
-    rk4.start(state);
+    if let Some(rk4) = &mut ws.rk4 {
+        rk4.start(state);
+    }
     for part in 0..Rk4::<L>::PARTS {
-        let Workspace { solver, acceleration, actuation, integration, .. } = &mut *ws;
-        let Solver { qacc, .. } = &solver.fields;
-        let found = ([&qacc[..], &acceleration.qacc_smooth], &actuation.act_dot[..]);
-        good = rk4.take(model, part, found, state, good, integration);
-        if part + 1 < Rk4::<L>::PARTS {
+        let (instance, mut good) = (Instance { model, varied: run.varied }, [0]);
+        let step = &mut Step { model: instance, state, applied: run.applied, ws, stages: run.stages, clock: None };
+        run.executor.run(Part::of(Op::Combine, part as u32), solved.lanes, &mut good, step);
+        solved.lanes = good[0];
+        if part + 1 < Rk4::<L>::PARTS
+            && let Some(mut rk4) = ws.rk4.take()
+        {
             let next = forward(model, &mut rk4.stage, run, status, ws);
+            ws.rk4 = Some(rk4);
             solved.unfinished |= next.unfinished;
-            good = good & L::mask_of(next.lanes);
+            solved.lanes &= next.lanes;
         }
     }
     (run.stages, run.residual, run.keep) = wanted;
-    solved.lanes &= L::bits(good);
     solved
 }

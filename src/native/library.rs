@@ -11,7 +11,7 @@ use lanesim_kernels::lane::LaneQuery;
 use lanesim_kernels::model::{Model as Tables, Patch, Pattern, Quantities, Quantity, Sides};
 use lanesim_kernels::options::{self, Integrator};
 use lanesim_kernels::part::{COLUMNS, Family, Group, Item, KIND_COLUMNS, Lanes, Op, Part, Step, Threes, stride};
-use lanesim_kernels::solver::{self, Tile, Work};
+use lanesim_kernels::solver::{self, Layout, Tile, Whitened, Work};
 use lanesim_kernels::stage::Stage;
 
 use super::patterns::Patterns;
@@ -50,6 +50,8 @@ pub struct Common<T> {
     tiles: Vec<Vec<(Tile, bool)>>,
     /// Tiles to which contacts add, by shape.
     patches: Vec<(ContactRow, Patch)>,
+    /// Of every kind of contacts, where one has its whitened rows; of solvers that have none, nothing.
+    whitened: Vec<Whitened>,
     /// By [`Op`], the number of its first part; then that of all.
     bases: Vec<usize>,
     /// Numbers that all worlds share, in the order of [`Quantity::SHARED`].
@@ -84,6 +86,9 @@ impl<T: Float> Common<T> {
         let tiles: Vec<_> = Work::ALL.into_iter().map(|work| tiles_of(tables, work)).collect();
         let patch = |(pair, patch): &(u32, Patch)| (of_pairs[*pair as usize], *patch);
         let patches: Vec<_> = tables.tiles.shapes.iter().map(patch).collect();
+        let layout = solver::needed(tables).then(|| Layout::new(tables));
+        let whitened = layout.iter().flat_map(|layout| rows.kinds.iter().map(|row| layout.place(tables, row, [0; 2])));
+        let whitened: Vec<Whitened> = whitened.collect();
         let groups = collision::groups(tables);
         let mut bases = vec![0];
         for op in Op::ALL {
@@ -91,6 +96,8 @@ impl<T: Float> Common<T> {
             let absent = match op {
                 Op::Equality => tables.equalities.is_empty(),
                 Op::Spread | Op::Aim | Op::Motion | Op::Settle => tables.tiles.is_empty(),
+                Op::Sweep => layout.is_none(),
+                Op::Combine => tables.options.integrator != Integrator::Rk4,
                 _ => false,
             };
             let none = absent || !stage.present(tables) || stage == Stage::Solver && !tables.constrained();
@@ -103,6 +110,7 @@ impl<T: Float> Common<T> {
                 Family::Links => rows.links.len(),
                 Family::Couple => rows.couples.len(),
                 Family::Kind => rows.kinds.len(),
+                Family::Whitened => whitened.len(),
                 Family::Tiles(work) => tiles[work as usize].len(),
                 Family::Patches => patches.len(),
             };
@@ -119,7 +127,7 @@ impl<T: Float> Common<T> {
             numbers
         };
         let shared = Quantity::SHARED.map(shared);
-        Common { isa, shapes, rows, groups, tiles, patches, bases, shared, varying: Mutex::default() }
+        Common { isa, shapes, rows, groups, tiles, patches, whitened, bases, shared, varying: Mutex::default() }
     }
 
     /// Number of a part; `None`: it is of no class of the model.
@@ -168,6 +176,7 @@ impl<T: Float> Common<T> {
             Family::Links => Item::Row(&self.rows.links[of]),
             Family::Couple => Item::Row(&self.rows.couples[of]),
             Family::Kind => Item::Row(&self.rows.kinds[of]),
+            Family::Whitened => Item::Whitened(&self.rows.kinds[of], &self.whitened[of]),
             Family::Tiles(work) => Item::Tile(&self.tiles[work as usize][of].0),
             Family::Patches => Item::Patch(&self.patches[of].0, &self.patches[of].1),
         }
@@ -177,7 +186,7 @@ impl<T: Float> Common<T> {
     pub fn columns(&self, part: Part) -> usize {
         match part.op.family() {
             Family::Options(_) | Family::Group => 0,
-            Family::Tiles(_) | Family::Patches => KIND_COLUMNS,
+            Family::Tiles(_) | Family::Patches | Family::Whitened => KIND_COLUMNS,
             Family::Kind if self.rows.kinds[part.of as usize].sides != Sides::Apart => KIND_COLUMNS,
             _ => COLUMNS,
         }
@@ -192,6 +201,8 @@ impl<T: Float> Common<T> {
                     (Op::Smooth, of) => ["", ", forces", ", all fields", ", forces, all fields"][of],
                     (Op::Descend | Op::Polish, 1) => " filled",
                     (Op::Probe | Op::Conjugate, 1) => " first",
+                    (Op::Sweep, of) => ["", " without slip", " of contacts alone"][of],
+                    (Op::Combine, of) => [" first", " second", " third", " last"][of],
                     _ => "",
                 };
                 return format!("{name}{options}");
@@ -201,7 +212,7 @@ impl<T: Float> Common<T> {
             Family::Law => &self.rows.laws[of],
             Family::Links => &self.rows.links[of],
             Family::Couple => &self.rows.couples[of],
-            Family::Kind => &self.rows.kinds[of],
+            Family::Kind | Family::Whitened => &self.rows.kinds[of],
             Family::Tiles(work) => {
                 let lens = tables.tiles.lens_of(part.of, work.strips());
                 return lens.iter().fold(name.to_owned(), |name, len| format!("{name} {len}"));
@@ -214,7 +225,7 @@ impl<T: Float> Common<T> {
         let kind = format!("{name} {:?} {:?} {}", row.sides, row.cone, row.dim).to_lowercase();
         let (pair, links) = (&tables.pairs[row.pair as usize], [row.link, row.other]);
         match part.op.family() {
-            Family::Kind if row.sides != Sides::Apart => kind,
+            Family::Kind | Family::Whitened if row.sides != Sides::Apart => kind,
             Family::Law => {
                 let law = match (pair.impedance.flat, pair.impedance.small_power) {
                     (true, _) => "flat".to_owned(),
@@ -385,11 +396,22 @@ impl<T: Float> ModelCode<T> {
         let joins = tables.tiles.is_empty() && (listed || pairs(&|pair| pair.cross));
         let primal = tables.options.solver != options::Solver::Pgs;
         let newton = tables.options.solver == options::Solver::Newton;
+        let noslip = tables.options.noslip_iterations > 0;
         let wanted = move |part: &Part| match (part.op, part.of) {
             (Op::Smooth, of) => of == 0,
             (Op::Integrate, _) => tables.options.integrator != Integrator::Rk4,
             (Op::Energy | Op::Sensor | Op::MeasureBoth | Op::Couple, _) => false,
             (Op::Equality | Op::Joints | Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
+            (Op::Combine, _) => true,
+            (Op::Sweep, of) => {
+                if of == 1 {
+                    noslip
+                } else {
+                    !primal
+                }
+            }
+            (Op::Push, _) => !primal,
+            (Op::Hold, _) => noslip,
             (Op::Conjugate, _) => primal && !newton,
             (Op::Turn, _) => primal && newton,
             (Op::Curve | Op::Stiffen, _) if !newton => false,
@@ -414,7 +436,8 @@ impl<T: Float> ModelCode<T> {
     pub fn solves(self: &Arc<Self>, root: &Arc<Self>) -> Option<Threes> {
         *self.solves.get_or_init(|| {
             let filled = |part: &Part| matches!(part.op, Op::Descend | Op::Polish) && part.of == 1;
-            let of_solve = |part: &Part| part.op.stage() == Stage::Solver && !filled(part);
+            let swept = |part: &Part| matches!(part.op, Op::Sweep | Op::Push | Op::Hold);
+            let of_solve = |part: &Part| part.op.stage() == Stage::Solver && !filled(part) && !swept(part);
             let set = |part| self.get(root, part).map(|coded| coded.set);
             let mut fields = Threes::NONE;
             for part in self.wanted().filter(of_solve) {

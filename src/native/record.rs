@@ -5,6 +5,7 @@ use lanesim_codegen::{Float, Program, Recorder, Recording};
 use lanesim_kernels::lane::{Lane, Mask};
 use lanesim_kernels::model::{Instance, Model, Pattern, Quantities, Quantity, Varied};
 use lanesim_kernels::part::{Group, Item, Lanes, Name, Op, Part, Step};
+use lanesim_kernels::solver::SolverWork;
 use lanesim_kernels::stage::{Stage, Stages};
 use lanesim_kernels::state::{Applied, State};
 use lanesim_kernels::workspace::Workspace;
@@ -200,7 +201,7 @@ pub fn workspace<L: Lane>(
         Item::Whole => {}
         Item::Near(near) => places = near.points as usize,
         Item::Tile(_) => {}
-        Item::Row(row) | Item::Patch(row, _) => {
+        Item::Row(row) | Item::Patch(row, _) | Item::Whitened(row, _) => {
             places = 1;
             let (constraint, dim) = (&mut ws.constraint, row.dim as usize);
             let dofs = tables.pairs[row.pair as usize].dofs.len as usize;
@@ -215,6 +216,11 @@ pub fn workspace<L: Lane>(
     ws.collision.found.resize(places, [zero; 13]);
     ws.collision.parallel.resize(places, zero);
     ws.solver.fit(&ws.constraint);
+    if let Item::Whitened(row, place) = item {
+        let SolverWork { dual, edge_force, .. } = &mut ws.solver;
+        dual.contacts.resize(place.end(row) as usize, zero);
+        edge_force.resize(row.edges(), zero);
+    }
     ws.solver.touched.fill(true);
     ws.solver.fill.pattern = pattern.unwrap_or(&tables.tree_pattern).clone();
     ws

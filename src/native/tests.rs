@@ -172,8 +172,8 @@ fn scene<L: Block>(
     let nan = L::of(f64::NAN);
     scene.step(tables, false).lend_all(&mut |field, [stage, name], lanes| {
         let Lanes::Write(lanes) = lanes else { return };
-        let kept =
-            matches!(stage, "state" | "position" | "inertia" | "velocity") || (stage, name) == ("collision", "qpos");
+        let kept = matches!(stage, "state" | "position" | "inertia" | "velocity")
+            || matches!((stage, name), ("collision", "qpos") | ("solver", "metric"));
         if kept && lanes.len() == geometry[field].len() {
             lanes.copy_from_slice(&geometry[field]);
         } else if coded.sources.iter().any(|source| source.field == field) {
@@ -210,8 +210,8 @@ fn run<L: LaneQuery>(
     returned
 }
 
-/// Holds the parts of a model against each other; returns how many had code.
-fn check<T>(name: &str, tables: &Arc<Tables<T>>, isa: InstructionSet) -> usize
+/// Holds some parts of a model against each other; returns how many had code.
+fn check<T>(name: &str, tables: &Arc<Tables<T>>, isa: InstructionSet, of: &[Op]) -> usize
 where
     T: Float + LaneQuery<Real = T>,
 {
@@ -221,7 +221,7 @@ where
     let (state, mut ws) = stepped::<T::Block>(tables, &mut random);
     let all = ((1_u64 << T::Block::WIDTH) - 1) as u32;
     let mut count = 0;
-    for part in Op::ALL.iter().flat_map(|op| code.common.parts(*op)) {
+    for part in of.iter().flat_map(|op| code.common.parts(*op)) {
         if code.get(&code, part).is_none() {
             continue;
         }
@@ -262,28 +262,57 @@ where
     count
 }
 
-fn check_all<T>(tables: fn(&Model) -> &Arc<Tables<T>>)
+fn check_all<T>(tables: fn(&Model) -> &Arc<Tables<T>>, overrides: &[(&str, &str)], of: &[Op], least: usize)
 where
     T: Float + LaneQuery<Real = T>,
 {
+    let owned = |(name, value): &(&str, &str)| ((*name).to_owned(), (*value).to_owned());
     let sets = [InstructionSet::Avx512, InstructionSet::Avx2].into_iter().filter(|isa| isa.check().is_ok());
     let mut count = 0;
     for (isa, path) in sets.flat_map(|isa| models().into_iter().map(move |path| (isa, path))) {
-        let options = LoadOptions { lenient: true, ..LoadOptions::default() };
+        let options = LoadOptions { lenient: true, overrides: overrides.iter().map(owned).collect() };
         let Ok(model) = Model::from_xml_path(&path, &options) else { continue };
-        count += check(&path.display().to_string(), tables(&model), isa);
+        count += check(&path.display().to_string(), tables(&model), isa, of);
     }
-    assert!(count == 0 || count > 2000, "only {count} parts");
+    assert!(count == 0 || count > least, "only {count} parts");
 }
 
 #[test]
 fn every_part_is_its_kernel_f64() {
-    check_all::<f64>(Model::tables);
+    check_all::<f64>(Model::tables, &[], Op::ALL, 2000);
 }
 
 #[test]
 fn every_part_is_its_kernel_f32() {
-    check_all::<f32>(Model::tables_f32);
+    check_all::<f32>(Model::tables_f32, &[], Op::ALL, 2000);
+}
+
+/// What only some options need.
+const SWEPT: [(&str, &str); 3] = [("solver", "PGS"), ("noslip_iterations", "3"), ("integrator", "RK4")];
+const OF_SWEPT: [Op; 4] = [Op::Sweep, Op::Push, Op::Hold, Op::Combine];
+
+/// What of a discrete step depends on its metric.
+const DISCRETE: [(&str, &str); 1] = [("integrator", "discrete")];
+const OF_DISCRETE: [Op; 6] = [Op::Smooth, Op::Depart, Op::Turn, Op::Descend, Op::Polish, Op::Integrate];
+
+#[test]
+fn every_part_of_discrete_steps_is_its_kernel_f64() {
+    check_all::<f64>(Model::tables, &DISCRETE, &OF_DISCRETE, 300);
+}
+
+#[test]
+fn every_part_of_discrete_steps_is_its_kernel_f32() {
+    check_all::<f32>(Model::tables_f32, &DISCRETE, &OF_DISCRETE, 300);
+}
+
+#[test]
+fn every_part_of_sweeps_is_its_kernel_f64() {
+    check_all::<f64>(Model::tables, &SWEPT, &OF_SWEPT, 500);
+}
+
+#[test]
+fn every_part_of_sweeps_is_its_kernel_f32() {
+    check_all::<f32>(Model::tables_f32, &SWEPT, &OF_SWEPT, 500);
 }
 
 /// A block of worlds with what their steps need, at fixed addresses.

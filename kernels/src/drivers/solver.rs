@@ -47,10 +47,10 @@ pub fn solve<L: LaneQuery>(
             pgs::edge_forces(problem.constraint, work);
         }
     } else {
-        outcome = dual::sweeps(step, open);
+        outcome = dual::sweeps(step, open, executor);
     }
     if options.noslip_iterations > 0 {
-        dual::noslip(step, open);
+        dual::noslip(step, open, executor);
     }
     finish(step, active);
     step.ws.solver.statistics = Statistics { niter: outcome.niter, block_niter: outcome.rounds, ..Statistics::none() };

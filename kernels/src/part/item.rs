@@ -3,7 +3,7 @@
 use crate::collision::Near;
 use crate::constraint::{ContactRow, first_dof};
 use crate::model::{Model, NONE, Patch, Quantity, Sides, Span};
-use crate::solver::Tile;
+use crate::solver::{Tile, Whitened};
 
 use super::step::Name;
 
@@ -20,6 +20,8 @@ pub enum Item<'a> {
     Tile(&'a Tile),
     /// A contact, and a tile to which it adds.
     Patch(&'a ContactRow, &'a Patch),
+    /// A contact, and where its whitened rows are.
+    Whitened(&'a ContactRow, &'a Whitened),
 }
 
 /// Number of columns: of starts of an item's windows.
@@ -42,7 +44,7 @@ impl Item<'_> {
         match self {
             Item::Whole | Item::Tile(_) => None,
             Item::Near(near) => Some(near.pair),
-            Item::Row(row) | Item::Patch(row, _) => Some(row.pair),
+            Item::Row(row) | Item::Patch(row, _) | Item::Whitened(row, _) => Some(row.pair),
         }
     }
 
@@ -50,7 +52,7 @@ impl Item<'_> {
     pub fn worlds(&self) -> u32 {
         match self {
             Item::Near(near) => near.worlds,
-            Item::Whole | Item::Row(_) | Item::Tile(_) | Item::Patch(..) => u32::MAX,
+            Item::Whole | Item::Row(_) | Item::Tile(_) | Item::Patch(..) | Item::Whitened(..) => u32::MAX,
         }
     }
 
@@ -62,11 +64,15 @@ impl Item<'_> {
         match self {
             Item::Whole => [0; COLUMNS],
             Item::Tile(Tile { target, source, panel, dofs: [own, other] }) => {
-                columns([target.start, source.start, panel.start, own.start, other.start])
+                columns([target.start, source.start, panel.start, own.start, other.start, 0])
             }
             Item::Patch(row, patch) => {
                 let [rows, of_columns] = [patch.rows, patch.columns].map(|run| row.jacobian + row.dim * run.start);
-                columns([7 * row.strength, patch.target, row.component, rows, of_columns])
+                columns([7 * row.strength, patch.target, row.component, rows, of_columns, 0])
+            }
+            Item::Whitened(row, place) => {
+                let [first, second] = place.windows.map(|window| window.start);
+                columns([7 * row.strength, row.component, place.start, first, second, place.edge])
             }
             Item::Near(near) => {
                 let pair = &model.pairs[near.pair as usize];
@@ -128,6 +134,14 @@ impl Item<'_> {
                     let of = [(3, patch.rows), (4, patch.columns)].into_iter().take(2 - usize::from(patch.diagonal()));
                     of.map(|(column, run)| (column, (row.dim * run.len) as usize)).collect()
                 }
+                _ => vec![],
+            },
+            (Item::Whitened(row, place), ..) => match (stage, name) {
+                ("constraint", "strengths") => vec![(0, 7)],
+                ("solver", "bias.component" | "force.component") => vec![(1, row.dim as usize)],
+                ("solver", "contacts") => vec![(2, place.block(row).end - place.start as usize)],
+                ("solver", "z") => spans(&[(3, place.windows[0]), (4, place.windows[1])]),
+                ("solver", "edge_force") if row.edges() > 0 => vec![(5, row.edges())],
                 _ => vec![],
             },
             (Item::Near(near), ..) => {
@@ -212,7 +226,7 @@ fn sides<T>(row: &ContactRow, model: &Model<T>) -> [usize; 6] {
 
 /// The first columns.
 #[inline(always)]
-fn columns(first: [u32; 5]) -> Starts {
+fn columns(first: [u32; KIND_COLUMNS]) -> Starts {
     let mut starts = [0; COLUMNS];
     for (start, first) in starts.iter_mut().zip(first) {
         *start = first as usize;

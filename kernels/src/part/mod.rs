@@ -15,10 +15,11 @@ pub use step::{Group, Lanes, Name, Step, Threes};
 
 use crate::collision::Collision;
 use crate::constraint::ContactRow;
+use crate::integration::Rk4;
 use crate::lane::{Lane, LaneQuery};
 use crate::model::{Model, Quantities, Quantity};
 use crate::options::Integrator;
-use crate::solver::{Arrival, Problem, Solver, SolverWork, Tile, Trial, Work, contact};
+use crate::solver::{Arrival, Problem, Solver, SolverWork, Tile, Trial, Whitened, Work, contact, noslip, pgs};
 use crate::stage::Stage;
 use crate::workspace::Workspace;
 use crate::{collision, constraint, energy, integration, sensor, smooth, solver};
@@ -49,6 +50,8 @@ pub enum Family {
     Couple,
     /// Kinds of contacts ([`constraint::Classes`]).
     Kind,
+    /// The same, by their whitened rows.
+    Whitened,
     /// Tiles of the Hessian, by the lengths of so many strips.
     Tiles(Work),
     /// Tiles to which contacts add, by their shapes.
@@ -359,6 +362,25 @@ parts! {
     /// [`solver::couple_row`], of a contact both sides of which move.
     Couple: "contact.couple", Solver, Family::Couple, 0 => 0, shared [], changes ["solver.hessian"],
         |_, step, item, _| row(step, item, |problem, row, work| solver::couple_row(problem, row, work));
+    /// Begins a sweep: [`pgs::sweep_rows`] (0), [`noslip::sweep_rows`] (1), or neither (2).
+    Sweep: "sweep", Solver, Family::Options(3), 1 => 0, shared [],
+        changes ["solver.gain", "solver.z", "solver.force.dof", "solver.force.equality"],
+        |part, step, _, (open, _)| {
+            let (problem, _, work) = step.solver();
+            match part.of {
+                0 => pgs::sweep_rows(&problem, open, work),
+                1 => noslip::sweep_rows(&problem, open, work),
+                _ => work.dual.gain[0] = L::zero(),
+            }
+        };
+    /// [`pgs::sweep_contact`].
+    Push: "contact.push", Solver, Family::Whitened, 1 => 0, shared [],
+        changes ["solver.gain", "solver.z", "solver.force.component", "solver.edge_force"],
+        |_, step, item, (open, _)| whitened(step, item, open, pgs::sweep_contact);
+    /// [`noslip::sweep_contact`].
+    Hold: "contact.hold", Solver, Family::Whitened, 1 => 0, shared [],
+        changes ["solver.gain", "solver.z", "solver.force.component", "solver.edge_force"],
+        |_, step, item, (open, _)| whitened(step, item, open, noslip::sweep_contact);
     /// The step of an integrator that evaluates once, and [`integration::commit`]: worlds that take the next state.
     Integrate: "integration", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
         changes ["state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time", "integration.qpos",
@@ -376,6 +398,25 @@ parts! {
             integration::activations(model, &state.act, &actuation.act_dot, &mut next.act);
             put(integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state));
         };
+    /// What an evaluation of a Runge-Kutta step has found: [`Rk4::take`](integration::Rk4::take), after the last one
+    /// [`integration::replace`]: worlds that go on.
+    Combine: "rk4", Integration, Family::Options(4), 1 => 1, shared [Quantity::Zero],
+        changes ["rk4.time", "rk4.qpos", "rk4.qvel", "rk4.act", "rk4.qacc_warmstart", "rates.rate", "rates.rates",
+            "rates.qaccs", "rates.act_dots", "integration.qpos", "integration.qvel", "integration.act",
+            "integration.qacc", "state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time"],
+        |part, step, _, (good, put)| {
+            let Step { model, state, ws, .. } = step;
+            let Workspace { actuation, acceleration, solver, integration: next, rk4, .. } = &mut **ws;
+            let Some(rk4) = rk4 else { return };
+            let accelerations = [&solver.fields.qacc[..], &acceleration.qacc_smooth];
+            let (number, act_dot) = (part.of as usize, &actuation.act_dot[..]);
+            let good = rk4.take(model, number, (accelerations, act_dot), state, good, next);
+            if number + 1 == Rk4::<L>::PARTS {
+                // An acceleration on the way counts by the states to which it leads.
+                integration::replace(*model, next, accelerations, good, state);
+            }
+            put(good);
+        };
 }
 
 /// Runs a kernel for a contact.
@@ -388,6 +429,20 @@ fn row<L: Lane>(
     if let Item::Row(row) = item {
         let (problem, _, work) = step.solver();
         kernel(&problem, row, work);
+    }
+}
+
+/// Runs a kernel for the whitened rows of a contact.
+#[inline(always)]
+fn whitened<L: Lane>(
+    step: &mut Step<'_, L>,
+    item: &Item<'_>,
+    open: L::Mask,
+    kernel: impl FnOnce(&Problem<'_, L>, (&ContactRow, &Whitened), L::Mask, &mut SolverWork<L>),
+) {
+    if let Item::Whitened(row, place) = item {
+        let (problem, _, work) = step.solver();
+        kernel(&problem, (row, place), open, work);
     }
 }
 
@@ -449,6 +504,9 @@ impl Part {
     pub fn changes<T>(self, model: &Model<T>) -> Vec<&'static str> {
         match self.op {
             Op::Smooth => smooth::changes(model, self.of & 2 != 0),
+            Op::Combine if self.of as usize + 1 < Rk4::<f64>::PARTS => {
+                self.op.changes().iter().copied().filter(|name| !name.starts_with("state.")).collect()
+            }
             op => op.changes().to_vec(),
         }
     }

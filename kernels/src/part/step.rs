@@ -2,6 +2,7 @@
 
 use crate::collision::{Colliders, Collision};
 use crate::constraint::{Constraint, ContactRow};
+use crate::integration::Rk4;
 use crate::lane::Lane;
 use crate::model::{Instance, Quantity};
 use crate::solver::{Dual, Problem, SolverWork};
@@ -76,11 +77,11 @@ impl<L: Lane> Step<'_, L> {
     pub fn lend<'b>(&'b mut self, set: Threes, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
         let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
-        let Workspace { tendons, derivative, collision, constraint, solver, sensors, .. } = ws;
+        let Workspace { tendons, derivative, collision, constraint, solver, sensors, metric, rk4, .. } = ws;
         let Collision { colliders, found, parallel, .. } = collision;
         let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, equality, .. } = constraint;
         let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
-        let Dual { b, z, root, bias, .. } = dual;
+        let Dual { rows, diagonal, contacts, z, root, bias, gain, .. } = dual;
         let mut lender = Lender { set, group: Group::State, place: 0, wanted: false, f };
         macro_rules! stages {
             ($($group:ident: $stage:expr;)*) => {
@@ -145,14 +146,22 @@ impl<L: Lane> Step<'_, L> {
             "force.equality": &mut force.equality,
         );
         group!(Dual,
-            "b": b,
+            "rows": rows,
+            "diagonal": diagonal,
+            "contacts": contacts,
             "z": z,
             "root": root,
             "bias.dof": &mut bias.dof,
             "bias.component": &mut bias.component,
             "bias.equality": &mut bias.equality,
             "edge_force": edge_force,
+            "gain": gain,
+            "metric": metric.as_deref_mut().map_or(&mut [][..], |metric| &mut metric.m),
         );
+        if let Some(rk4) = rk4 {
+            let Rk4 { stage, rates } = &mut **rk4;
+            stages!(Rk4: stage; Rates: rates;);
+        }
         contact_rows
     }
 }
@@ -256,8 +265,12 @@ groups! {
     Solver: "solver", solver::Solver::<f64>::COUNT;
     /// What the solver has to do with by rows.
     Rows: "solver", 10;
-    /// What dual solvers have.
-    Dual: "dual", 7;
+    /// What dual solvers have; then what discrete steps have in place of the inertia matrix.
+    Dual: "solver", 11;
+    /// The intermediate state of a Runge-Kutta step, if the model is integrated so; the last groups.
+    Rk4: "rk4", State::<f64>::COUNT;
+    /// What its evaluations have added up to.
+    Rates: "rates", integration::Rates::<f64>::COUNT;
 }
 
 impl Group {
@@ -327,5 +340,8 @@ const FIRSTS: [[usize; 2]; Group::ALL.len()] = {
         all[i] = [all[i - 1][0] + count, all[i - 1][1] + count.div_ceil(3)];
         i += 1;
     }
+    // Wider sets would cost small models some per cent of a step.
+    let last = all.len() - 1;
+    assert!(all[last][1] + Group::COUNTS[last].div_ceil(3) <= u64::BITS as usize);
     all
 };

@@ -8,9 +8,10 @@
 //! Lengths are measured in the dual problem's own matrix, xᵀ(A + R)x = z·z + xᵀR x with z = Σ b x: forces and torques count by what
 //! they do, and rows that do the same count once. So a point is its forces followed by z.
 
-use super::{Problem, SolverWork, dual, joints, pgs};
+use super::{Problem, SolverWork, joints, pgs};
 use crate::constraint::{Cone, Constraint, ContactRow, DofRowKind, Law};
 use crate::lane::{Lane, Real};
+use crate::model::Span;
 
 /// Sweeps that are remembered.
 const MEMORY: usize = 12;
@@ -22,6 +23,8 @@ pub struct Anderson<L> {
     len: usize,
     /// Of them forces.
     forces: usize,
+    /// Stretches of a point that can change in some world that still iterates.
+    live: Vec<Span>,
     /// R of the forces, then 1.
     weight: Vec<L>,
     /// Slope of the cost at no force, then 0.
@@ -61,6 +64,7 @@ impl<L: Lane> Anderson<L> {
         Anderson {
             len: 0,
             forces: 0,
+            live: Vec::new(),
             weight: Vec::new(),
             bias: Vec::new(),
             before: Vec::new(),
@@ -87,6 +91,7 @@ impl<L: Lane> Anderson<L> {
             changes: room(list),
             ends: room(list),
             step: room(point),
+            live: Vec::with_capacity(point),
             ..Anderson::new()
         }
     }
@@ -94,7 +99,7 @@ impl<L: Lane> Anderson<L> {
     /// Bytes of that.
     pub fn bytes(len: usize) -> usize {
         let [point, list] = room_of(len);
-        (8 * point + 2 * list) * size_of::<L>()
+        (8 * point + 2 * list) * size_of::<L>() + point * size_of::<Span>()
     }
 
     /// A solve begins, from rows that are whitened.
@@ -131,8 +136,9 @@ impl<L: Lane> Anderson<L> {
         read(constraint, work, &mut self.before);
     }
 
-    /// A sweep has ended: goes on to where the past says, in the lanes of `open` where that costs less.
-    pub fn accelerate(&mut self, problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
+    /// A sweep has ended: goes on to where the past says, in the lanes of `open` where that costs less. Forces of rows that act in none of
+    /// the worlds of `acting` stay what they are, and are passed over.
+    pub fn accelerate(&mut self, problem: &Problem<'_, L>, (acting, open): (u32, L::Mask), work: &mut SolverWork<L>) {
         self.after.swap(0, 1);
         self.change.swap(0, 1);
         read(problem.constraint, work, &mut self.after[0]);
@@ -142,16 +148,37 @@ impl<L: Lane> Anderson<L> {
         if self.sweeps == 1 {
             return;
         }
+        self.find_live(problem.constraint, acting);
         self.note();
         self.combine();
-        self.project(problem);
-        self.whiten(problem.constraint, work);
+        self.project(problem, acting);
+        self.whiten(problem.constraint, acting, work);
         let mut rise = L::zero();
-        for (i, step) in self.step.iter().enumerate() {
+        for i in self.live.iter().flat_map(|span| span.range()) {
+            let step = self.step[i];
             let middle = step.mul_add(L::of(0.5), self.after[0][i]);
             rise = step.mul_add(self.weight[i].mul_add(middle, self.bias[i]), rise);
         }
-        self.take(problem.constraint, open & rise.lt(L::zero()), work);
+        self.take(problem.constraint, (acting, open & rise.lt(L::zero())), work);
+    }
+
+    /// Finds the stretches that can change in worlds of `acting`, which are fewer from sweep to sweep.
+    fn find_live(&mut self, constraint: &Constraint<L>, acting: u32) {
+        let (live, mut at) = (&mut self.live, 0);
+        live.clear();
+        let mut add = |len: usize, lanes: u32| {
+            let span = Span { start: at, len: len as u32 };
+            at += span.len;
+            match live.last_mut() {
+                _ if lanes & acting == 0 || len == 0 => {}
+                Some(last) if last.start + last.len == span.start => last.len += span.len,
+                _ => live.push(span),
+            }
+        };
+        add(constraint.equality.d.len(), constraint.equality.lanes);
+        add(constraint.dof_rows.len(), constraint.joint_lanes);
+        constraint.contact_rows.iter().for_each(|row| add(entries(row), row.lanes));
+        add(self.len - self.forces, acting);
     }
 
     /// Place of the difference that was noted `age` sweeps ago.
@@ -172,23 +199,30 @@ impl<L: Lane> Anderson<L> {
     fn note(&mut self) {
         let (new, len) = (self.place(0), self.len);
         for (list, [now, last]) in [(&mut self.changes, &self.change), (&mut self.ends, &self.after)] {
-            for (out, (now, last)) in list[new * len..(new + 1) * len].iter_mut().zip(now.iter().zip(last)) {
-                *out = *now - *last;
+            let list = &mut list[new * len..(new + 1) * len];
+            for range in self.live.iter().map(|span| span.range()) {
+                let (now, last) = (&now[range.clone()], &last[range.clone()]);
+                list[range].iter_mut().zip(now.iter().zip(last)).for_each(|(out, (now, last))| *out = *now - *last);
             }
         }
-        for age in 0..self.known() {
+        let products = self.products(|age| [self.change(new), self.change(self.place(age))]);
+        for (age, product) in products.into_iter().enumerate().take(self.known()) {
             let old = self.place(age);
-            let product = self.product(self.change(new), self.change(old));
             (self.gram[new][old], self.gram[old][new]) = (product, product);
         }
     }
 
-    fn product(&self, a: &[L], b: &[L]) -> L {
-        let mut sum = L::zero();
-        for ((weight, a), b) in self.weight.iter().zip(a).zip(b) {
-            sum = (*weight * *a).mul_add(*b, sum);
+    /// Products of two vectors for each difference noted, four at a time: one sum after the other would wait for its own additions.
+    fn products<'a>(&'a self, vectors: impl Fn(usize) -> [&'a [L]; 2]) -> [L; MEMORY] {
+        let (mut out, known) = ([L::zero(); MEMORY], self.known());
+        let (fours, rest) = out[..known].as_chunks_mut::<4>();
+        for (n, four) in fours.iter_mut().enumerate() {
+            *four = products(&self.live, &self.weight, [0, 1, 2, 3].map(|i| vectors(4 * n + i)));
         }
-        sum
+        for (sum, age) in rest.iter_mut().zip(known / 4 * 4..) {
+            [*sum] = products(&self.live, &self.weight, [vectors(age)]);
+        }
+        out
     }
 
     /// Sets the step to the combination of ends whose sweep would change least. By LDLᵀ, the latest difference first; those
@@ -198,9 +232,9 @@ impl<L: Lane> Anderson<L> {
         let rounding = L::of(L::Real::EPSILON.sqrt());
         let (mut l, mut d, mut x) = ([[zero; MEMORY]; MEMORY], [zero; MEMORY], [zero; MEMORY]);
         let mut inverse = [zero; MEMORY];
+        let products = self.products(|age| [self.change(self.place(age)), &self.change[0]]);
         for i in 0..n {
-            let place = self.place(i);
-            let mut sum = self.product(self.change(place), &self.change[0]);
+            let (place, mut sum) = (self.place(i), products[i]);
             for j in 0..i {
                 let mut entry = self.gram[place][self.place(j)];
                 for k in 0..j {
@@ -227,15 +261,19 @@ impl<L: Lane> Anderson<L> {
                 share = l[k][i].neg_mul_add(x[k], share);
             }
             x[i] = share;
-            let end = &self.ends[self.place(i) * self.len..][..self.forces];
-            for (step, end) in self.step.iter_mut().zip(end) {
-                *step = share.neg_mul_add(*end, *step);
+            let first = self.place(i) * self.len;
+            let Anderson { live, step, ends, forces, .. } = self;
+            let end = &ends[first..][..*forces];
+            for range in live.iter().map(|span| span.range()) {
+                let range = range.start.min(*forces)..range.end.min(*forces);
+                let steps = step[range.clone()].iter_mut().zip(&end[range]);
+                steps.for_each(|(step, end)| *step = share.neg_mul_add(*end, *step));
             }
         }
     }
 
     /// Shortens the step so that forces stay within their cones.
-    fn project(&mut self, problem: &Problem<'_, L>) {
+    fn project(&mut self, problem: &Problem<'_, L>, acting: u32) {
         let constraint = problem.constraint;
         let Anderson { after: [after, _], step, .. } = self;
         let zero = L::zero();
@@ -244,7 +282,8 @@ impl<L: Lane> Anderson<L> {
         // Equality constraints pull both ways.
         let (_, step) = step.split_at_mut(constraint.equality.d.len());
         let (_, after) = after.split_at(constraint.equality.d.len());
-        for (r, law) in constraint.dof_laws().enumerate() {
+        let none = constraint.joint_lanes & acting == 0;
+        for (r, law) in constraint.dof_laws().enumerate().take(if none { 0 } else { usize::MAX }) {
             let (low, high) = match law.row.kind {
                 DofRowKind::Friction => (-joints::bound(problem.model, &law), joints::bound(problem.model, &law)),
                 _ => (zero, most),
@@ -255,6 +294,9 @@ impl<L: Lane> Anderson<L> {
         for row in &constraint.contact_rows {
             let range = at..at + entries(row);
             at = range.end;
+            if row.lanes & acting == 0 {
+                continue;
+            }
             let (step, after) = (&mut step[range.clone()], &after[range]);
             if row.cone == Cone::Ellipse {
                 confine_ellipse(constraint.law(row), step, after);
@@ -265,28 +307,24 @@ impl<L: Lane> Anderson<L> {
     }
 
     /// Appends to the step's forces what they do to z.
-    fn whiten(&mut self, constraint: &Constraint<L>, work: &SolverWork<L>) {
+    fn whiten(&mut self, constraint: &Constraint<L>, acting: u32, work: &SolverWork<L>) {
         self.step.resize(self.len, L::zero());
         let (forces, z) = self.step.split_at_mut(self.forces);
-        let (equality, forces) = forces.split_at(constraint.equality.d.len());
-        let (joints, contacts) = forces.split_at(constraint.dof_rows.len());
-        for (row, step) in equality.iter().enumerate() {
-            dual::add_scaled(z, work.dual.equality(row), *step);
+        let (rows, mut rest) = forces.split_at(constraint.equality.d.len() + constraint.dof_rows.len());
+        if (constraint.equality.lanes | constraint.joint_lanes) & acting != 0 {
+            rows.iter().enumerate().for_each(|(r, step)| work.dual.pull_row(r, *step, z));
         }
-        for (r, step) in joints.iter().enumerate() {
-            dual::add_scaled(z, work.dual.dof(r), *step);
-        }
-        let mut rest = contacts;
-        for row in &constraint.contact_rows {
+        for (row, place) in constraint.contact_rows.iter().zip(&work.dual.places) {
             let step = rest.split_off(..entries(row)).unwrap_or_default();
-            for (i, step) in components(constraint.law(row), row, step).iter().enumerate().take(row.dim as usize) {
-                dual::add_scaled(z, work.dual.component(row.component as usize + i), *step);
+            if row.lanes & acting == 0 {
+                continue;
             }
+            work.dual.pull(row, place, &components(constraint.law(row), row, step), z);
         }
     }
 
     /// Takes the step in the given lanes.
-    fn take(&self, constraint: &Constraint<L>, lanes: L::Mask, work: &mut SolverWork<L>) {
+    fn take(&self, constraint: &Constraint<L>, (acting, lanes): (u32, L::Mask), work: &mut SolverWork<L>) {
         let (forces, z) = self.step.split_at(self.forces);
         let (equality, forces) = forces.split_at(constraint.equality.d.len());
         let (joints, mut rest) = forces.split_at(constraint.dof_rows.len());
@@ -294,16 +332,31 @@ impl<L: Lane> Anderson<L> {
         work.dual.z.iter_mut().zip(z).for_each(|(z, step)| take(z, *step));
         work.force.equality.iter_mut().zip(equality).for_each(|(f, step)| take(f, *step));
         work.force.dof.iter_mut().zip(joints).for_each(|(f, step)| take(f, *step));
-        let mut edges = work.edge_force.iter_mut();
-        for row in &constraint.contact_rows {
+        for (row, place) in constraint.contact_rows.iter().zip(&work.dual.places) {
             let step = rest.split_off(..entries(row)).unwrap_or_default();
-            if row.cone == Cone::Pyramid {
-                edges.by_ref().zip(step).for_each(|(f, step)| take(f, *step));
+            if row.lanes & acting == 0 {
+                continue;
             }
+            work.edge_force[place.edges(row)].iter_mut().zip(step).for_each(|(f, step)| take(f, *step));
             let components = components(constraint.law(row), row, step);
             work.force.component[row.components()].iter_mut().zip(components).for_each(|(f, step)| take(f, step));
         }
     }
+}
+
+/// Σ w a b of every two vectors, over the given stretches.
+fn products<L: Lane, const N: usize>(live: &[Span], weight: &[L], vectors: [[&[L]; 2]; N]) -> [L; N] {
+    let mut sums = [L::zero(); N];
+    for range in live.iter().map(|span| span.range()) {
+        let weight = &weight[range.clone()];
+        let vectors = vectors.map(|two| two.map(|vector| &vector[range.clone()][..weight.len()]));
+        for (i, weight) in weight.iter().enumerate() {
+            for (sum, [a, b]) in sums.iter_mut().zip(&vectors) {
+                *sum = (*weight * a[i]).mul_add(b[i], *sum);
+            }
+        }
+    }
+    sums
 }
 
 /// Number of forces of a contact: of a pyramid's edges, or of components.

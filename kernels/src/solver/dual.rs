@@ -1,8 +1,9 @@
 //! The dual problem, minimise over forces: A = J M⁻¹ Jᵀ through whitened rows b = D^-½ L⁻ᵀ jᵀ, so that A = b·b and a sweep
 //! over the rows is matrix-free: z = Σ b f holds what all forces do.
 
+use super::whitened::{Layout, Whitened};
 use super::{Problem, RowVector, SolverWork, contact, joints, rows};
-use crate::constraint::{Constraint, ContactRow, DofRowKind};
+use crate::constraint::{Constraint, ContactRow, DofLaw, DofRowKind, grow};
 use crate::lane::Lane;
 use crate::math::ldl;
 use crate::math::spatial::dot6;
@@ -18,95 +19,178 @@ pub fn needed<T>(model: &Model<T>) -> bool {
 /// Whitened rows, and what all forces together do.
 #[derive(Clone, Debug)]
 pub struct Dual<L> {
-    /// `nv` numbers per row of equality constraints, then per dof row, then per contact component.
-    pub b: Vec<L>,
+    /// Of rows of equality constraints, then of dof rows: what the [layout](Layout) says that each has.
+    pub rows: Vec<L>,
+    /// Products of these with themselves.
+    pub diagonal: Vec<L>,
+    /// Of contacts: the rows of their components, then the lower triangle of A's block. Never shorter than it once was, as the
+    /// lists of [`Constraint`].
+    pub contacts: Vec<L>,
     /// Σ b f.
     pub z: Vec<L>,
     /// √D⁻¹ of M's factor.
     pub root: Vec<L>,
     /// J a₀ - a_ref.
     pub bias: RowVector<L>,
-    nv: usize,
+    /// By how much the cost has fallen in this sweep.
+    pub gain: Vec<L>,
+    /// Where the listed contacts have their numbers.
+    pub places: Vec<Whitened>,
+    layout: Layout,
+    /// A row that is whitened.
+    dense: Vec<L>,
+    /// Dofs that it has to do with.
+    marks: Vec<bool>,
+}
+
+/// Entries of contacts for which there is room from the start; more are asked for when they are needed.
+fn entries<T>(layout: &Layout, model: &Model<T>, [contacts, components]: [usize; 2]) -> usize {
+    let width = (2 * layout.width()).min(model.sizes.nv);
+    (components * width + 21 * contacts).min(1 << 20)
 }
 
 impl<L: Lane> Dual<L> {
     /// Room for all rows if the model's options need the dual problem, else none.
-    pub fn new(model: &Model<L::Real>, rows: [usize; 3]) -> Self {
+    pub fn new(model: &Model<L::Real>, rows: [usize; 3], contacts: usize) -> Self {
         let used = needed(model);
-        let nv = if used { model.sizes.nv } else { 0 };
+        let layout = if used { Layout::new(model) } else { Layout::default() };
+        let [nv, contacts] = if used { [model.sizes.nv, contacts] } else { [0; 2] };
+        let rows = if used { rows } else { [0; 3] };
         Dual {
-            b: Vec::with_capacity((rows.iter().sum::<usize>() * nv).min(1 << 20)),
+            rows: vec![L::zero(); layout.numbers()],
+            diagonal: vec![L::zero(); layout.count()],
+            contacts: Vec::with_capacity(entries(&layout, model, [contacts, rows[1]])),
             z: vec![L::zero(); nv],
             root: vec![L::zero(); nv],
-            bias: RowVector::with_capacity(if used { rows } else { [0; 3] }),
-            nv,
+            bias: RowVector::with_capacity(rows),
+            gain: vec![L::zero(); usize::from(used)],
+            places: Vec::with_capacity(contacts),
+            layout,
+            dense: vec![L::zero(); nv],
+            marks: vec![false; nv],
         }
     }
 
     /// Bytes of that.
-    pub fn bytes(model: &Model<L::Real>, rows: usize) -> usize {
-        let nv = model.sizes.nv;
-        if needed(model) { ((rows * nv).min(1 << 20) + 2 * nv + rows) * size_of::<L>() } else { 0 }
+    pub fn bytes(model: &Model<L::Real>, rows: [usize; 3], contacts: usize) -> usize {
+        if !needed(model) {
+            return 0;
+        }
+        let (nv, layout) = (model.sizes.nv, Layout::new(model));
+        let numbers = layout.numbers() + layout.count() + 3 * nv + rows.iter().sum::<usize>() + 1;
+        (numbers + entries(&layout, model, [contacts, rows[1]])) * size_of::<L>()
+            + contacts * size_of::<Whitened>()
+            + layout.bytes()
+            + nv
     }
 
-    /// The whitened row of an equality constraint.
-    pub fn equality(&self, row: usize) -> &[L] {
-        &self.b[row * self.nv..(row + 1) * self.nv]
+    /// Sets the lengths to those of the constraint's lists, if there is any use.
+    pub fn fit(&mut self, constraint: &Constraint<L>) {
+        if !self.gain.is_empty() {
+            self.bias.fit(constraint);
+        }
     }
 
-    /// The whitened row of a dof row.
-    pub fn dof(&self, row: usize) -> &[L] {
-        self.equality(self.bias.equality.len() + row)
+    /// What the dofs of a row on joints or of an equality constraint say of it: b, and z there.
+    fn row(&self, row: usize) -> impl Iterator<Item = (L, L)> {
+        let (range, dofs) = self.layout.row(row);
+        self.rows[range].iter().zip(dofs).map(|(b, dof)| (*b, self.z[*dof as usize]))
     }
 
-    /// The whitened row of a contact component.
-    pub fn component(&self, component: usize) -> &[L] {
-        self.dof(self.bias.dof.len() + component)
+    /// J(a₀ + M⁻¹Jᵀf) - a_ref of such a row, whose bias is given.
+    pub fn residual_of_row(&self, row: usize, bias: L) -> L {
+        self.row(row).fold(L::zero(), |sum, (b, z)| b.mul_add(z, sum)) + bias
+    }
+
+    /// z += b Δ for such a row.
+    pub fn add_row(&mut self, row: usize, change: L) {
+        pull_row(&self.layout, &self.rows, row, change, &mut self.z);
+    }
+
+    /// The same, to another z.
+    pub fn pull_row(&self, row: usize, change: L, z: &mut [L]) {
+        pull_row(&self.layout, &self.rows, row, change, z);
     }
 
     /// A's block of a contact: products of its components' rows.
-    pub fn block(&self, row: &ContactRow) -> [[L; 6]; 6] {
+    #[inline(always)]
+    pub fn block(&self, row: &ContactRow, place: &Whitened) -> [[L; 6]; 6] {
         let mut out = [[L::zero(); 6]; 6];
+        let mut entries = self.contacts[place.block(row)].iter();
         for i in 0..row.dim as usize {
-            for j in 0..=i {
-                let (bi, bj) = (self.component(row.component as usize + i), self.component(row.component as usize + j));
-                out[i][j] = product(bi, bj);
-                out[j][i] = out[i][j];
+            for (j, entry) in entries.by_ref().take(i + 1).enumerate() {
+                out[i][j] = *entry;
+                out[j][i] = *entry;
             }
         }
         out
     }
 
-    /// J(a₀ + M⁻¹Jᵀf) - a_ref of a contact's components.
-    pub fn residual(&self, row: &ContactRow) -> [L; 6] {
+    /// J(a₀ + M⁻¹Jᵀf) - a_ref of a contact's component.
+    #[inline(always)]
+    pub fn residual_of(&self, row: &ContactRow, place: &Whitened, component: usize) -> L {
+        let b = &self.contacts[place.component(component)];
+        let z = place.dofs().map(|dof| &self.z[dof]);
+        let product = b.iter().zip(z).fold(L::zero(), |sum, (b, z)| b.mul_add(*z, sum));
+        self.bias.component[row.component as usize + component] + product
+    }
+
+    /// The same of all its components.
+    #[inline(always)]
+    pub fn residual(&self, row: &ContactRow, place: &Whitened) -> [L; 6] {
         let mut out = [L::zero(); 6];
         for (i, out) in out.iter_mut().enumerate().take(row.dim as usize) {
-            let at = row.component as usize + i;
-            *out = self.bias.component[at] + product(self.component(at), &self.z);
+            *out = self.residual_of(row, place, i);
         }
         out
     }
 
-    /// z += b Δ for a contact's components.
-    pub fn add(&mut self, row: &ContactRow, change: &[L; 6]) {
-        for (i, change) in change.iter().enumerate().take(row.dim as usize) {
-            let at = self.bias.equality.len() + self.bias.dof.len() + row.component as usize + i;
-            self.add_at(at, *change);
+    /// z += b Δ for a contact's component.
+    #[inline(always)]
+    pub fn add_component(&mut self, place: &Whitened, component: usize, change: L) {
+        pull(&self.contacts, place, component, change, &mut self.z);
+    }
+
+    /// The same for all its components.
+    #[inline(always)]
+    pub fn add(&mut self, row: &ContactRow, place: &Whitened, changes: &[L; 6]) {
+        for (i, change) in changes.iter().enumerate().take(row.dim as usize) {
+            self.add_component(place, i, *change);
         }
     }
 
-    /// z += b Δ for a dof row.
-    pub fn add_dof(&mut self, row: usize, change: L) {
-        self.add_at(self.bias.equality.len() + row, change);
+    /// The same, to another z.
+    pub fn pull(&self, row: &ContactRow, place: &Whitened, changes: &[L; 6], z: &mut [L]) {
+        for (i, change) in changes.iter().enumerate().take(row.dim as usize) {
+            pull(&self.contacts, place, i, *change, z);
+        }
     }
 
-    /// z += b Δ for a row of an equality constraint.
-    pub fn add_equality(&mut self, row: usize, change: L) {
-        self.add_at(row, change);
+    /// Finds where the listed contacts have their numbers.
+    fn lay_out(&mut self, model: &Model<L::Real>, contacts: &[ContactRow]) {
+        self.places.clear();
+        let mut next = [0; 2];
+        for row in contacts {
+            let place = self.layout.place(model, row, next);
+            next = [place.end(row), place.edge + row.edges() as u32];
+            self.places.push(place);
+        }
+        grow(&mut self.contacts, next[0] as usize, L::zero());
     }
+}
 
-    fn add_at(&mut self, row: usize, change: L) {
-        add_scaled(&mut self.z, &self.b[row * self.nv..(row + 1) * self.nv], change);
+fn pull_row<L: Lane>(layout: &Layout, rows: &[L], row: usize, change: L, z: &mut [L]) {
+    let (range, dofs) = layout.row(row);
+    for (b, dof) in rows[range].iter().zip(dofs) {
+        let z = &mut z[*dof as usize];
+        *z = b.mul_add(change, *z);
+    }
+}
+
+#[inline(always)]
+fn pull<L: Lane>(contacts: &[L], place: &Whitened, component: usize, change: L, z: &mut [L]) {
+    for (b, dof) in contacts[place.component(component)].iter().zip(place.dofs()) {
+        z[dof] = b.mul_add(change, z[dof]);
     }
 }
 
@@ -119,96 +203,134 @@ pub fn product<L: Lane>(a: &[L], b: &[L]) -> L {
     sum
 }
 
-/// z += b · factor
-pub(super) fn add_scaled<L: Lane>(z: &mut [L], b: &[L], factor: L) {
-    for (z, b) in z.iter_mut().zip(b) {
-        *z = b.mul_add(factor, *z);
-    }
-}
-
 /// Whitens all rows and sets the bias and, from the forces in `work.force`, z.
 pub fn prepare<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
-    let Problem { acceleration, constraint, .. } = problem;
+    let Problem { model, acceleration, constraint, .. } = problem;
     let SolverWork { dual, fields, force, .. } = work;
-    dual.bias.fit(constraint);
     rows::apply(problem, &acceleration.qacc_smooth, &mut fields.twist, &mut dual.bias);
     rows::add_reference(problem, &mut dual.bias);
     for (root, inverse) in dual.root.iter_mut().zip(&acceleration.inverse) {
         *root = inverse.sqrt();
     }
-    fill_rows(problem, dual);
-    let nv = dual.nv;
-    let Dual { b, root, z, .. } = dual;
-    z.fill(L::zero());
-    for (b, f) in b.chunks_exact_mut(nv.max(1)).zip(force.equality.iter().chain(&force.dof).chain(&force.component)) {
-        whiten(problem, root, b);
-        add_scaled(z, b, *f);
-    }
-}
-
-/// Dense Jacobian rows.
-fn fill_rows<L: Lane>(problem: &Problem<'_, L>, dual: &mut Dual<L>) {
-    let Problem { model, position, tendons, constraint, .. } = *problem;
-    let Constraint { dof_rows, contact_rows, motion, .. } = constraint;
-    let Dual { b, nv, .. } = dual;
-    b.clear();
-    let ne = model.sizes.ne;
-    b.resize((ne + dof_rows.len() + constraint.components) * *nv, L::zero());
+    dual.lay_out(model, &constraint.contact_rows);
+    dual.z.fill(L::zero());
+    let mut r = 0;
     for equality in &model.equalities {
-        for (dof, column) in constraint.equality.columns(model, equality) {
-            for (row, j) in equality.rows().zip(column) {
-                b[row * *nv + dof] = *j;
-            }
+        for i in 0..equality.dim() {
+            let columns = constraint.equality.columns(model, equality);
+            whiten_row(problem, r, columns.map(|(dof, column)| (dof, column[i])), dual);
+            dual.add_row(r, force.equality[r]);
+            r += 1;
         }
     }
-    let (one, at) = (L::one(), |row: usize, dof: usize| (ne + row) * *nv + dof);
-    for (r, law) in constraint.dof_laws().enumerate() {
-        let dof = law.row.dof as usize;
-        if law.row.tendon != NONE {
-            for (dof, j) in tendon::columns(model, law.row.tendon as usize, &tendons.jacobian) {
-                b[at(r, dof)] = joints::signed(&law, j);
-            }
-            continue;
+    for (law, f) in constraint.dof_laws().zip(&force.dof) {
+        if law.row.tendon == NONE {
+            whiten_row(problem, r, jacobian(&law), dual);
+        } else {
+            let columns = tendon::columns(model, law.row.tendon as usize, &problem.tendons.jacobian);
+            whiten_row(problem, r, columns.map(|(dof, j)| (dof, joints::signed(&law, j))), dual);
         }
-        match law.row.kind {
-            DofRowKind::Friction | DofRowKind::Lower => b[at(r, dof)] = one,
-            DofRowKind::Upper => b[at(r, dof)] = -one,
-            DofRowKind::Limit => b[at(r, dof)] = law.sign(),
-            DofRowKind::Ball => (0..3).for_each(|k| b[at(r, dof + k)] = -law.axis()[k]),
-        }
+        dual.add_row(r, *f);
+        r += 1;
     }
-    for row in contact_rows {
-        if row.sides != Sides::One {
-            for (dof, column) in contact::columns(model, constraint, row) {
-                for (i, j) in row.components().zip(column) {
-                    b[at(dof_rows.len() + i, dof)] = *j;
-                }
-            }
-            continue;
-        }
-        let mut dof = model.links[row.link as usize].last_dof();
-        while dof != NONE {
-            let cdof = &position.cdof[dof as usize];
-            for i in row.components() {
-                b[at(dof_rows.len() + i, dof as usize)] = dot6(&motion[i], cdof);
-            }
-            dof = model.dofs[dof as usize].parent;
+    for (i, row) in constraint.contact_rows.iter().enumerate() {
+        let place = dual.places[i];
+        fill(problem, row, &place, dual);
+        whiten_contact(problem, row, &place, dual);
+        for (i, f) in force.component[row.components()].iter().enumerate() {
+            dual.add_component(&place, i, *f);
         }
     }
 }
 
-/// j becomes D^-½ L⁻ᵀ jᵀ.
-fn whiten<L: Lane>(problem: &Problem<'_, L>, root: &[L], j: &mut [L]) {
-    let Problem { model, acceleration, .. } = problem;
-    for k in (0..j.len()).rev() {
-        let y = j[k] * acceleration.inverse[k];
-        ldl::for_each_entry(&model.rows, &model.tree_pattern, &acceleration.factor, k, |columns, row| {
-            for (j, u) in j[columns].iter_mut().zip(row) {
-                *j = y.neg_mul_add(*u, *j);
-            }
-        });
-        j[k] *= root[k];
+/// The Jacobian of a row on a joint.
+fn jacobian<L: Lane>(law: &DofLaw<'_, L>) -> impl Iterator<Item = (usize, L)> {
+    let (one, dof) = (L::one(), law.row.dof as usize);
+    let (count, entries) = match law.row.kind {
+        DofRowKind::Friction | DofRowKind::Lower => (1, [one; 3]),
+        DofRowKind::Upper => (1, [-one; 3]),
+        DofRowKind::Limit => (1, [law.sign(); 3]),
+        DofRowKind::Ball => (3, law.axis().map(|axis| -axis)),
+    };
+    entries.into_iter().take(count).enumerate().map(move |(k, entry)| (dof + k, entry))
+}
+
+/// Whitens a row on joints or of an equality constraint.
+fn whiten_row<L: Lane>(
+    problem: &Problem<'_, L>,
+    row: usize,
+    jacobian: impl Iterator<Item = (usize, L)>,
+    dual: &mut Dual<L>,
+) {
+    let Dual { rows, diagonal, layout, dense, root, .. } = dual;
+    let (range, dofs) = layout.row(row);
+    dofs.iter().for_each(|dof| dense[*dof as usize] = L::zero());
+    jacobian.for_each(|(dof, j)| dense[dof] = j);
+    dofs.iter().rev().for_each(|dof| eliminate(problem, root, *dof as usize, 0, dense));
+    let rows = &mut rows[range];
+    rows.iter_mut().zip(dofs).for_each(|(b, dof)| *b = dense[*dof as usize]);
+    diagonal[row] = product(rows, rows);
+}
+
+/// Dense Jacobian rows of a contact; marks the dofs that it has to do with.
+fn fill<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, place: &Whitened, dual: &mut Dual<L>) {
+    let Problem { model, position, constraint, .. } = *problem;
+    let Dual { contacts, marks, .. } = dual;
+    let (b, width) = (&mut contacts[place.rows(row)], place.width());
+    b.fill(L::zero());
+    if row.sides != Sides::One {
+        for (dof, column) in contact::columns(model, constraint, row) {
+            marks[dof] = true;
+            let at = place.at(dof);
+            column.iter().enumerate().for_each(|(i, j)| b[i * width + at] = *j);
+        }
+        return;
     }
+    let motion = &constraint.motion[row.components()];
+    let mut dof = model.links[row.link as usize].last_dof();
+    while dof != NONE {
+        let (cdof, at) = (&position.cdof[dof as usize], place.at(dof as usize));
+        motion.iter().enumerate().for_each(|(i, w)| b[i * width + at] = dot6(w, cdof));
+        marks[dof as usize] = true;
+        dof = model.dofs[dof as usize].parent;
+    }
+}
+
+/// Whitens the rows of a contact, and finds A's block.
+fn whiten_contact<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, place: &Whitened, dual: &mut Dual<L>) {
+    let Dual { contacts, marks, root, .. } = dual;
+    for (span, first) in place.spans() {
+        for dof in span.range().rev() {
+            if !std::mem::take(&mut marks[dof]) {
+                continue;
+            }
+            problem.model.tree_pattern.row(dof).iter().for_each(|run| marks[run.range()].fill(true));
+            for b in contacts[place.rows(row)].chunks_exact_mut(place.width()) {
+                eliminate(problem, root, dof, span.start as usize, &mut b[first..]);
+            }
+        }
+    }
+    let (rows, block) = contacts[place.start as usize..].split_at_mut(place.rows(row).len());
+    let mut entries = block.iter_mut();
+    let component = |i: usize| &rows[i * place.width()..][..place.width()];
+    for i in 0..row.dim as usize {
+        for (j, entry) in entries.by_ref().take(i + 1).enumerate() {
+            *entry = product(component(i), component(j));
+        }
+    }
+}
+
+/// A step from jᵀ to D^-½ L⁻ᵀ jᵀ, whose entries begin with that of dof `first`: those of a dof and of all that it is coupled to.
+#[inline(always)]
+fn eliminate<L: Lane>(problem: &Problem<'_, L>, root: &[L], dof: usize, first: usize, j: &mut [L]) {
+    let Problem { model, acceleration, .. } = problem;
+    let y = j[dof - first] * acceleration.inverse[dof];
+    ldl::for_each_entry(&model.rows, &model.tree_pattern, &acceleration.factor, dof, |columns, row| {
+        for (j, u) in j[columns.start - first..].iter_mut().zip(row) {
+            *j = y.neg_mul_add(*u, *j);
+        }
+    });
+    j[dof - first] *= root[dof];
 }
 
 /// Sets qacc = a₀ + M⁻¹Jᵀf from z, and Jᵀf from the row forces.

@@ -26,10 +26,11 @@ mod residual;
 mod rows;
 mod tiles;
 mod tiling;
+mod whitened;
 
 pub use anderson::Anderson;
 pub use cg::conjugate;
-pub use dual::{Dual, finish, prepare};
+pub use dual::{Dual, finish, needed, prepare};
 pub use fill::Fill;
 pub use hessian::{couple, couple_row, curve};
 pub use inverse::force_at;
@@ -43,6 +44,7 @@ pub use tiles::{
     Tile, aim, backward, backward_tile, clear, couple_tile, eliminate, forward, forward_tile, panel, pivot, spread,
 };
 pub use tiling::{Phase, Stretch, Tiling, Work, prototype};
+pub use whitened::{Layout, Whitened};
 
 use crate::acceleration::Acceleration;
 use crate::constraint::{Constraint, grow};
@@ -177,7 +179,8 @@ pub struct SolverWork<L> {
     pub spare: RowVector<L>,
     /// What is known along p.
     pub line: Line<L>,
-    /// Force of each edge of the pyramidal contacts, contact by contact (of primal solvers if anyone wants to know).
+    /// Force of each edge of the pyramidal contacts, contact by contact (of primal solvers if anyone wants to know); never shorter
+    /// than it once was.
     pub edge_force: Vec<L>,
     /// Inverse inertia in row space (dual solvers and the no-slip pass).
     pub dual: dual::Dual<L>,
@@ -199,11 +202,12 @@ impl<L: Lane> SolverWork<L> {
         self.y.fit(constraint);
         self.jp.fit(constraint);
         self.force.fit(constraint);
+        self.dual.fit(constraint);
     }
 
     /// Room for the rows that the model can have.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+        let Capacity { contacts, dof_rows: dof, components: component, .. } = model.capacity();
         let rows = [dof, component, model.sizes.ne];
         let sizes = Stage::Solver.sizes(model);
         SolverWork {
@@ -214,7 +218,7 @@ impl<L: Lane> SolverWork<L> {
             spare: RowVector::with_capacity(rows),
             line: Line::new(),
             edge_force: Vec::with_capacity(2 * component),
-            dual: dual::Dual::new(model, rows),
+            dual: dual::Dual::new(model, rows, contacts),
             past: match point(model) {
                 0 => anderson::Anderson::new(),
                 len => anderson::Anderson::with_capacity(len),
@@ -228,12 +232,16 @@ impl<L: Lane> SolverWork<L> {
 
     /// Bytes of that.
     pub fn bytes(model: &Model<L::Real>) -> usize {
-        let Capacity { dof_rows: dof, components: component, .. } = model.capacity();
+        let Capacity { contacts, dof_rows: dof, components: component, .. } = model.capacity();
         let all = dof + component + model.sizes.ne;
         let rows = (4 * all + 2 * component) * size_of::<L>() + model.sizes.nlink;
         let past = anderson::Anderson::<L>::bytes(point(model));
         let fields = Solver::<L>::bytes(&Stage::Solver.sizes(model));
-        fields.saturating_add(rows + past + dual::Dual::<L>::bytes(model, all) + Fill::bytes(model))
+        fields.saturating_add(
+            rows + past
+                + dual::Dual::<L>::bytes(model, [dof, component, model.sizes.ne], contacts)
+                + Fill::bytes(model),
+        )
     }
 }
 

@@ -4,11 +4,10 @@
 //! Limits and pyramid edges are scalar rows. An elliptic contact moves along the ray through its force, then its friction
 //! is minimised with the normal force fixed. Between sweeps, forces move on to where the last sweeps say together.
 
-use super::{Problem, SolverWork, dual, joints, qcqp, rows};
-use crate::constraint::{Cone, DofLaw, DofRowKind, Law};
+use super::{Dual, Problem, SolverWork, Whitened, dual, joints, qcqp, rows};
+use crate::constraint::{Cone, Constraint, ContactRow, DofRowKind, Law, grow};
 use crate::lane::{Lane, Mask, Real};
 use crate::math::vec3::build;
-use crate::model::Model;
 
 /// Forces of the warm start's acceleration where their dual cost is negative, else none.
 pub fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut SolverWork<L>) {
@@ -40,53 +39,70 @@ pub fn start<L: Lane>(problem: &Problem<'_, L>, warmstart: &[L], work: &mut Solv
     }
 }
 
-/// Edge forces of pyramids from y.
-pub fn edge_forces<L: Lane>(constraint: &crate::constraint::Constraint<L>, work: &mut SolverWork<L>) {
-    work.edge_force.clear();
+/// Edge forces of pyramids from y. Their list, too, never gets shorter.
+pub fn edge_forces<L: Lane>(constraint: &Constraint<L>, work: &mut SolverWork<L>) {
+    let count = constraint.contact_rows.iter().map(ContactRow::edges).sum();
+    grow(&mut work.edge_force, count, L::zero());
+    let mut edges = work.edge_force.chunks_exact_mut(2);
     for row in constraint.contact_rows.iter().filter(|row| row.cone == Cone::Pyramid) {
         let law = constraint.law(row);
-        let y = &work.y.component[row.component as usize..(row.component + row.dim) as usize];
-        for j in 1..y.len() {
+        let y = &work.y.component[row.components()];
+        for ((j, y_j), forces) in (1..).zip(&y[1..]).zip(&mut edges) {
             let mu = law.friction(j);
-            for edge in [mu.mul_add(y[j], y[0]), mu.neg_mul_add(y[j], y[0])] {
-                work.edge_force.push(-(law.d() * edge.min(L::zero())));
-            }
+            let force = |y: L| -(law.d() * y.min(L::zero()));
+            forces.copy_from_slice(&[force(mu.mul_add(*y_j, y[0])), force(mu.neg_mul_add(*y_j, y[0]))]);
         }
     }
 }
 
-/// One pass over all rows; returns by how much the cost fell. On the way to a block's minimum it falls by at least half the
-/// square ΔᵀAΔ of the change: this bound stands in where rounding leaves no better number, else noise would end the sweeps.
-pub fn sweep<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) -> L {
-    let constraint = problem.constraint;
-    let mut improvement = L::zero();
-    for (row, d) in constraint.equality.d.iter().enumerate() {
-        improvement += equality_row(row, *d, open, work);
+/// Begins a sweep: over the rows of equality constraints and on joints. The gain of a sweep is by how much the cost falls. On the way
+/// to a block's minimum it falls by at least half the square ΔᵀAΔ of the change: this bound stands in where rounding leaves no
+/// better number, else noise would end the sweeps.
+pub fn sweep_rows<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut SolverWork<L>) {
+    let Problem { model, constraint, .. } = problem;
+    let SolverWork { dual, force, .. } = work;
+    let (most, mut gain) = (L::of(L::Real::MAX), L::zero());
+    let mut sweep = |dual: &mut Dual<L>, row: usize, bias: L, d: L, f: &mut L, [low, high]: [L; 2]| {
+        let regulariser = regulariser(d);
+        let residual = dual.residual_of_row(row, bias) + regulariser * *f;
+        let diagonal = dual.diagonal[row] + regulariser;
+        let (change, fall) = scalar(f, residual, diagonal, low, high, open & d.gt(L::zero()));
+        gain += fall;
+        dual.add_row(row, change);
+    };
+    let equality = &constraint.equality;
+    for (row, d) in equality.d.iter().enumerate() {
+        sweep(dual, row, dual.bias.equality[row], *d, &mut force.equality[row], [-most, most]);
     }
     for (r, law) in constraint.dof_laws().enumerate() {
-        improvement += dof_row(problem.model, r, law, open, work);
-    }
-    let mut edge = 0;
-    for row in &constraint.contact_rows {
-        let law = constraint.law(row);
-        let acts = open & law.d().gt(L::zero());
-        let block = work.dual.block(row);
-        let residual = work.dual.residual(row);
-        let range = row.component as usize..(row.component + row.dim) as usize;
-        let force = &mut work.force.component[range];
-        let (change, gain) = match row.cone {
-            Cone::Ray => ray(law, &block, residual, force, acts),
-            Cone::Pyramid => {
-                let edges = &mut work.edge_force[edge..edge + 2 * (force.len() - 1)];
-                edge += edges.len();
-                pyramid(law, &block, residual, edges, force, acts)
-            }
-            Cone::Ellipse => ellipse(law, &block, residual, force, acts),
+        let bounds = match law.row.kind {
+            DofRowKind::Friction => [-joints::bound(model, &law), joints::bound(model, &law)],
+            _ => [L::zero(), most],
         };
-        improvement += gain;
-        work.dual.add(row, &change);
+        sweep(dual, equality.d.len() + r, dual.bias.dof[r], law.d(), &mut force.dof[r], bounds);
     }
-    improvement
+    dual.gain[0] = gain;
+}
+
+/// Goes on with a contact.
+pub fn sweep_contact<L: Lane>(
+    problem: &Problem<'_, L>,
+    (row, place): (&ContactRow, &Whitened),
+    open: L::Mask,
+    work: &mut SolverWork<L>,
+) {
+    let SolverWork { dual, force, edge_force, .. } = work;
+    let law = problem.constraint.law(row);
+    let acts = open & law.d().gt(L::zero());
+    let (block, residual) = (dual.block(row, place), dual.residual(row, place));
+    let force = &mut force.component[row.components()];
+    let (change, gain) = match row.cone {
+        Cone::Ray => ray(law, &block, residual, force, acts),
+        Cone::Pyramid => pyramid(law, &block, residual, &mut edge_force[place.edges(row)], force, acts),
+        Cone::Ellipse => ellipse(law, &block, residual, force, acts),
+    };
+    dual.gain[0] += gain;
+    dual.add(row, place, &change);
 }
 
 /// 1/D where the row acts, else 1.
@@ -103,39 +119,6 @@ pub(super) fn scalar<L: Lane>(f: &mut L, residual: L, diagonal: L, low: L, high:
     *f = L::select(acts, next, *f);
     let half = change * diagonal * L::of(0.5);
     (change, (-(change * (half + residual))).max(change * half))
-}
-
-fn equality_row<L: Lane>(row: usize, d: L, open: L::Mask, work: &mut SolverWork<L>) -> L {
-    let (b, regulariser, most) = (work.dual.equality(row), regulariser(d), L::of(L::Real::MAX));
-    let f = &mut work.force.equality[row];
-    let residual = dual::product(b, &work.dual.z) + work.dual.bias.equality[row] + regulariser * *f;
-    let diagonal = dual::product(b, b) + regulariser;
-    let (change, gain) = scalar(f, residual, diagonal, -most, most, open & d.gt(L::zero()));
-    work.dual.add_equality(row, change);
-    gain
-}
-
-fn dof_row<L: Lane>(
-    model: &Model<L::Real>,
-    r: usize,
-    law: DofLaw<'_, L>,
-    open: L::Mask,
-    work: &mut SolverWork<L>,
-) -> L {
-    let b = work.dual.dof(r);
-    let regulariser = regulariser(law.d());
-    let f = &mut work.force.dof[r];
-    let residual = dual::product(b, &work.dual.z) + work.dual.bias.dof[r] + regulariser * *f;
-    let diagonal = dual::product(b, b) + regulariser;
-    let (low, high) = if law.row.kind == DofRowKind::Friction {
-        let bound = joints::bound(model, &law);
-        (-bound, bound)
-    } else {
-        (L::zero(), L::of(L::Real::MAX))
-    };
-    let (change, gain) = scalar(f, residual, diagonal, low, high, open & law.d().gt(L::zero()));
-    work.dual.add_dof(r, change);
-    gain
 }
 
 fn ray<L: Lane>(law: Law<'_, L>, block: &[[L; 6]; 6], residual: [L; 6], force: &mut [L], acts: L::Mask) -> ([L; 6], L) {
