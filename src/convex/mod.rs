@@ -5,7 +5,9 @@
 //! points (`manifold`). Everything lives on the stack, in the first shape's own axes: so a scene turned as a whole gives the
 //! same contacts, turned.
 
+mod calipers;
 mod distance;
+mod feature;
 mod manifold;
 mod penetration;
 mod plane;
@@ -73,7 +75,7 @@ impl ConvexCollider for SupportCollider {
                 points.push(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
             }
         };
-        if manifold::manifold(&solids, &nearest, most, &mut add) {
+        if manifold::manifold(&solids, &nearest, (include, most), &mut add) {
             return;
         }
         let first = nearest.on[0] + nearest.normal * solids[0].radius;
