@@ -1,14 +1,20 @@
 //! A plane and a mesh: the deepest vertex, and the corners of the face that lies flattest on the plane there.
 
 use glam::DVec3;
-use lanesim_kernels::collision::{Body, Point, Points};
+use lanesim_kernels::collision::{Body, Point};
 
 use super::calipers::spanning;
 use super::support::{Solid, vertex};
 
 /// Adds the points of a mesh within `include` of a plane, `most` at most: corners of the face, the deepest first; of more than four
 /// corners, those that span it.
-pub(super) fn collide(mesh: &Solid<'_>, plane: &Body<f64>, include: f64, most: usize, points: &mut Points<f64>) {
+pub(super) fn collide(
+    mesh: &Solid<'_>,
+    plane: &Body<f64>,
+    include: f64,
+    most: usize,
+    found: &mut dyn FnMut(Point<f64>),
+) {
     let Some(hull) = mesh.hull else { return };
     let (rot, origin) = (plane.rot, DVec3::from_array(plane.pos));
     let normal = DVec3::new(rot[2], rot[5], rot[8]);
@@ -19,7 +25,7 @@ pub(super) fn collide(mesh: &Solid<'_>, plane: &Body<f64>, include: f64, most: u
         let dist = shift - down.dot(at);
         if dist <= include {
             let pos = mesh.place(at) - normal * (0.5 * dist);
-            points.push(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
+            found(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
         }
     };
     let flat = |normal: &[f64; 3]| DVec3::from_array(*normal).dot(down);
