@@ -7,6 +7,7 @@
 
 mod actuator;
 mod equality;
+mod heights;
 mod mesh;
 mod sensor;
 mod tendon;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 
 pub use actuator::{Actuator, Bias, Dynamics, Gain, LengthRange, LengthRangeMode, Transmission};
 pub use equality::{Equality, Held};
+pub use heights::HeightField;
 pub use lanesim_kernels::options::Options;
 pub use mesh::{Mesh, MeshInertia, Triangles};
 pub use sensor::{DataType, NeedStage, Object, ObjectKind, Sensor, SensorKind};
@@ -75,6 +77,8 @@ pub struct Spec {
     pub bodies: Vec<Body>,
     /// Meshes.
     pub meshes: Vec<Mesh>,
+    /// Height fields.
+    pub hfields: Vec<HeightField>,
     /// Explicit contact pairs.
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms do not collide.
@@ -366,6 +370,8 @@ impl Default for Joint {
 pub enum Shape {
     /// Infinite plane, normal along z.
     Plane,
+    /// A height field; its sizes follow from it.
+    HeightField,
     /// Sphere: radius.
     Sphere,
     /// Capsule along z: radius, half length of the cylinder part.
@@ -407,6 +413,8 @@ pub struct Geom {
     pub size: [f64; 3],
     /// Name of the mesh that is its shape, or to which its shape is fitted; or empty.
     pub mesh: String,
+    /// Name of the height field that is its shape, or empty.
+    pub hfield: String,
     /// How much larger than the mesh a fitted shape is.
     pub fitscale: f64,
     /// Position in the body frame.
@@ -452,6 +460,7 @@ impl Default for Geom {
             shape: Shape::Sphere,
             size: [0.0; 3],
             mesh: String::new(),
+            hfield: String::new(),
             fitscale: 1.0,
             pos: [0.0; 3],
             quat: [1.0, 0.0, 0.0, 0.0],

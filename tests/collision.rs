@@ -3,6 +3,10 @@
 
 #[path = "collision/aligned.rs"]
 mod aligned;
+#[path = "collision/heights.rs"]
+mod heights;
+#[path = "collision/manifold.rs"]
+mod manifold;
 #[path = "collision/mesh.rs"]
 mod mesh;
 #[path = "collision/still.rs"]

@@ -85,10 +85,10 @@ def test_bad_options(pendulum, options, text) -> None:
 def test_pickles(tmp_path) -> None:
     (tmp_path / "arm.xml").write_text("<mujoco><include file='sub/geom.xml'/></mujoco>")
     (tmp_path / "sub").mkdir()
-    (tmp_path / "sub" / "geom.xml").write_text("<mujoco><geom size='.1'/><geom type='hfield'/></mujoco>")
+    (tmp_path / "sub" / "geom.xml").write_text("<mujoco><geom size='.1'/><geom type='sdf'/></mujoco>")
     main = "<mujoco><worldbody><body><joint/><include file='arm.xml'/></body></worldbody></mujoco>"
     (tmp_path / "main.xml").write_text(main)
-    with pytest.warns(lanesim.LossWarning, match="height fields are not supported"):
+    with pytest.warns(lanesim.LossWarning, match="signed distance fields are not supported"):
         model = lanesim.Model.from_xml_path(tmp_path / "main.xml", lenient=True, options={"timestep": 0.001})
     model.opt.set(density=0.0, contact=False)
     data = pickle.dumps(model)

@@ -183,6 +183,7 @@ fn shape(shape: Shape) -> i32 {
         Shape::Capsule => 3,
         Shape::Ellipsoid => 4,
         Shape::Cylinder => 5,
+        Shape::HeightField => 1,
         Shape::Box => 6,
         Shape::Mesh => 7,
     }

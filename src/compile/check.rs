@@ -347,7 +347,7 @@ fn check_joint(joint: &Joint, index: usize, autolimits: bool, diagnostics: &mut 
 /// How many sizes a shape has; a plane's only matter for display.
 pub(crate) fn used_sizes(shape: Shape) -> usize {
     match shape {
-        Shape::Plane | Shape::Mesh => 0,
+        Shape::Plane | Shape::HeightField | Shape::Mesh => 0,
         Shape::Sphere => 1,
         Shape::Capsule | Shape::Cylinder => 2,
         Shape::Ellipsoid | Shape::Box => 3,

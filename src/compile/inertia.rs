@@ -126,7 +126,7 @@ pub(crate) fn measure(shape: Shape, size: [f64; 3], shell: bool) -> f64 {
     let [a, b, c] = size;
     match (shape, shell) {
         // What a mesh weighs was found with its frame.
-        (Shape::Plane | Shape::Mesh, _) => 0.0,
+        (Shape::Plane | Shape::HeightField | Shape::Mesh, _) => 0.0,
         (Shape::Sphere, false) => 4.0 / 3.0 * PI * r.powi(3),
         (Shape::Sphere, true) => 4.0 * PI * r * r,
         (Shape::Capsule, false) => PI * r * r * (4.0 / 3.0 * r + h),
@@ -152,7 +152,7 @@ pub(crate) fn moments(shape: Shape, size: [f64; 3], shell: bool, m: f64) -> DVec
     let [a, b, c] = size;
     let round = |x: f64, z: f64| DVec3::new(x, x, z);
     match (shape, shell) {
-        (Shape::Plane | Shape::Mesh, _) => DVec3::ZERO,
+        (Shape::Plane | Shape::HeightField | Shape::Mesh, _) => DVec3::ZERO,
         (Shape::Sphere, false) => DVec3::splat(0.4 * m * r * r),
         (Shape::Sphere, true) => DVec3::splat(2.0 / 3.0 * m * r * r),
         (Shape::Capsule, false) => {

@@ -1,7 +1,7 @@
 //! Ranges of actuators' lengths, as MuJoCo finds them: the model, with nothing but its limits, is pulled to either side.
 
 use lanesim_kernels::actuation;
-use lanesim_kernels::collision::{Body, ConvexCollider, Outline, Points};
+use lanesim_kernels::collision::{Body, ConvexCollider, Outline, Point};
 use lanesim_kernels::inertia;
 use lanesim_kernels::lane::{Lane, LaneQuery};
 use lanesim_kernels::math::ldl;
@@ -109,7 +109,16 @@ fn pull_all(tables: &Model<f64>, options: &LengthRange, actuators: &[usize]) -> 
 struct Apart;
 
 impl ConvexCollider for Apart {
-    fn collide(&self, _: [Outline<'_>; 2], _: &Body<f64>, _: &Body<f64>, _: f64, _: usize, _: &mut Points<f64>) {}
+    fn collide(
+        &self,
+        _: [Outline<'_>; 2],
+        _: &Body<f64>,
+        _: &Body<f64>,
+        _: f64,
+        _: usize,
+        _: &mut dyn FnMut(Point<f64>),
+    ) {
+    }
 }
 
 fn pull(tables: &Model<f64>, options: &LengthRange, pulls: &[(usize, f64)]) -> Vec<End> {

@@ -4,14 +4,14 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
 use glam::{DMat3, DQuat, DVec3};
-use lanesim_kernels::model::{Hull, NONE};
+use lanesim_kernels::model::{HeightField, Hull, NONE};
 
 use super::inertia::principal;
 use super::names::label;
 use super::pose::{Pose, unit_quat};
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::mesh::{self, Triangles};
-use crate::spec::{Geom, GeomMass, Mesh, MeshInertia, Shape, Spec};
+use crate::spec::{self, Geom, GeomMass, Mesh, MeshInertia, Shape, Spec};
 use crate::suggest::did_you_mean;
 
 /// Tolerance of principal axes, MuJoCo's for meshes: what is symmetric but for rounding keeps the axes of its file.
@@ -35,29 +35,39 @@ struct Solid {
 
 /// The meshes that geoms have, by name.
 #[derive(Default)]
-pub(crate) struct Meshes(BTreeMap<String, Solid>);
+pub(crate) struct Meshes {
+    solids: BTreeMap<String, Solid>,
+    heights: BTreeMap<String, HeightField>,
+}
 
 /// The model with its meshes' geoms where they are: position and orientation are those of their centres, sizes those of boxes
 /// that hold them, and what they weigh is known; shapes fitted to a mesh are as any other.
 pub(crate) fn place<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics) -> (Cow<'a, Spec>, Meshes) {
     let mut meshes = Meshes::default();
-    if !spec.bodies.iter().flat_map(|body| &body.geoms).any(|geom| !geom.mesh.is_empty()) {
+    let shaped = |geom: &Geom| !geom.mesh.is_empty() || geom.shape == Shape::HeightField;
+    if !spec.bodies.iter().flat_map(|body| &body.geoms).any(shaped) {
         return (Cow::Borrowed(spec), meshes);
     }
     let mut placed = spec.clone();
     let by_name: HashMap<&str, (usize, &Mesh)> =
         spec.meshes.iter().enumerate().map(|(m, mesh)| (mesh.name.as_str(), (m, mesh))).collect();
     let geoms = placed.bodies.iter_mut().flat_map(|body| &mut body.geoms);
-    for (g, geom) in geoms.enumerate().filter(|(_, geom)| !geom.mesh.is_empty()) {
+    for (g, geom) in geoms.enumerate().filter(|(_, geom)| shaped(geom)) {
+        if geom.shape == Shape::HeightField {
+            if let Err((message, remedy)) = meshes.place_field(geom, &spec.hfields) {
+                diagnostics.push(&geom.source, label("geom", &geom.name, g), message, remedy);
+            }
+            continue;
+        }
         let Some((m, mesh)) = by_name.get(geom.mesh.as_str()) else {
             let near = did_you_mean(&geom.mesh, spec.meshes.iter().map(|mesh| mesh.name.as_str()));
             let message = format!("mesh names an unknown mesh {}", quoted(&geom.mesh));
             diagnostics.push(&geom.source, label("geom", &geom.name, g), message, near);
             continue;
         };
-        if !meshes.0.contains_key(&geom.mesh) {
+        if !meshes.solids.contains_key(&geom.mesh) {
             match Solid::new(mesh) {
-                Ok(solid) => drop(meshes.0.insert(geom.mesh.clone(), solid)),
+                Ok(solid) => drop(meshes.solids.insert(geom.mesh.clone(), solid)),
                 Err(message) => {
                     let before = diagnostics.0.iter().any(|d| d.element == label("mesh", &mesh.name, *m));
                     if !before {
@@ -76,9 +86,37 @@ pub(crate) fn place<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics) -> (Cow<'
                 remedy,
             );
         }
-        meshes.0[&geom.mesh].place(geom, spec.compiler.fitaabb);
+        meshes.solids[&geom.mesh].place(geom, spec.compiler.fitaabb);
     }
     (Cow::Owned(placed), meshes)
+}
+
+impl Meshes {
+    /// Gives a geom the sizes of its height field; the error is a message and a remedy.
+    fn place_field(&mut self, geom: &mut Geom, fields: &[spec::HeightField]) -> Result<(), (String, String)> {
+        let Some(field) = fields.iter().find(|field| field.name == geom.hfield) else {
+            let near = did_you_mean(&geom.hfield, fields.iter().map(|field| field.name.as_str()));
+            return Err((format!("hfield names an unknown height field {}", quoted(&geom.hfield)), near.to_string()));
+        };
+        let [x, y, top, base] = field.size;
+        let whole = field.rows >= 2 && field.columns >= 2 && field.heights.len() == field.rows * field.columns;
+        let sound = field.heights.iter().all(|height| height.is_finite());
+        if !whole || !sound || !field.size.iter().all(|size| size.is_finite() && *size > 0.0) {
+            let message = format!("its height field {} is not one", quoted(&field.name));
+            return Err((
+                message,
+                "give four positive sizes, and a finite height for each of 2 by 2 or more points".into(),
+            ));
+        }
+        geom.size = [x, y, 0.25 * top + 0.5 * base];
+        self.heights.entry(field.name.clone()).or_insert_with(|| HeightField {
+            half: [x, y],
+            base,
+            size: [field.rows, field.columns],
+            heights: field.heights.iter().map(|height| height * top).collect(),
+        });
+        Ok(())
+    }
 }
 
 impl Solid {
@@ -165,16 +203,30 @@ pub(crate) struct Hulls<'a> {
     meshes: &'a Meshes,
     places: HashMap<&'a str, u32>,
     pub hulls: Vec<Hull>,
+    fields: HashMap<&'a str, u32>,
+    pub heights: Vec<HeightField>,
 }
 
 impl<'a> Hulls<'a> {
     pub fn new(meshes: &'a Meshes) -> Self {
-        Hulls { meshes, places: HashMap::new(), hulls: Vec::new() }
+        Hulls { meshes, places: HashMap::new(), hulls: Vec::new(), fields: HashMap::new(), heights: Vec::new() }
     }
 
-    /// The place of a geom's hull, or [`NONE`] if it has none.
+    /// The place of a geom's height field.
+    fn field(&mut self, geom: &'a Geom) -> u32 {
+        let Some(field) = self.meshes.heights.get(&geom.hfield) else { return NONE };
+        *self.fields.entry(&geom.hfield).or_insert_with(|| {
+            self.heights.push(field.clone());
+            self.heights.len() as u32 - 1
+        })
+    }
+
+    /// The place of a geom's hull or height field, or [`NONE`] if it has none.
     pub fn of(&mut self, geom: &'a Geom, id: usize, diagnostics: &mut Diagnostics) -> u32 {
-        let Some(solid) = self.meshes.0.get(&geom.mesh).filter(|_| geom.shape == Shape::Mesh) else { return NONE };
+        if geom.shape == Shape::HeightField {
+            return self.field(geom);
+        }
+        let Some(solid) = self.meshes.solids.get(&geom.mesh).filter(|_| geom.shape == Shape::Mesh) else { return NONE };
         if let Some(place) = self.places.get(geom.mesh.as_str()) {
             return *place;
         }

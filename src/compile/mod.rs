@@ -151,6 +151,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         blur: Default::default(),
         geoms: pairs.geoms,
         hulls: pairs.hulls.into(),
+        heights: pairs.heights.into(),
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
         tendons: tendons.table.clone(),

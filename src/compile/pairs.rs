@@ -2,7 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 
-use lanesim_kernels::model::{Dof, Geom, Hull, NONE, Pair, PairDof, Shape, Sides, Span};
+use lanesim_kernels::collision::MOST_OF_FIELD;
+use lanesim_kernels::model::{Dof, Geom, HeightField, Hull, NONE, Pair, PairDof, Shape, Sides, Span};
 use lanesim_kernels::options::Options;
 
 use super::constraints::{Bound, damping, impedance};
@@ -27,6 +28,7 @@ pub(crate) const MINMU: f64 = 1e-5;
 pub(crate) struct Pairs {
     pub geoms: Vec<Geom<f64>>,
     pub hulls: Vec<Hull>,
+    pub heights: Vec<HeightField>,
     pub pairs: Vec<Pair<f64>>,
     pub dofs: Vec<PairDof>,
     /// By pair.
@@ -79,7 +81,8 @@ pub(crate) fn pairs<'a>(
     let mut chains = Chains::new(dofs, links);
     for (a, b, written) in candidates {
         let (ga, gb) = (&scene.geoms[a], &scene.geoms[b]);
-        if ga.spec.shape == spec::Shape::Plane && gb.spec.shape == spec::Shape::Plane {
+        let ground = |geom: &Placed<spec::Geom>| geom.spec.shape <= spec::Shape::HeightField;
+        if ground(ga) && ground(gb) {
             continue;
         }
         let (one, two) = if (ga.spec.shape, a) <= (gb.spec.shape, b) { (a, b) } else { (b, a) };
@@ -127,7 +130,7 @@ pub(crate) fn pairs<'a>(
         });
         out.nslot += slots;
     }
-    (out.geoms, out.hulls) = (table.geoms, table.hulls.hulls);
+    (out.geoms, out.hulls, out.heights) = (table.geoms, table.hulls.hulls, table.hulls.heights);
     out.dofs = chains.list;
     out
 }
@@ -236,6 +239,7 @@ fn slots(one: spec::Shape, two: spec::Shape, multiccd: bool) -> usize {
         (Plane, Capsule) | (Capsule, Capsule) | (Capsule, Box) => 2,
         (Plane, Cylinder | Box | Mesh) => 4,
         (Box, Box) => 8,
+        (HeightField, _) => MOST_OF_FIELD,
         (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) => 1,
         _ if multiccd => 5,
         _ => 1,
@@ -337,6 +341,7 @@ impl<'a> GeomTable<'a> {
 pub(super) fn shape(shape: spec::Shape) -> Shape {
     match shape {
         spec::Shape::Plane => Shape::Plane,
+        spec::Shape::HeightField => Shape::HeightField,
         spec::Shape::Sphere => Shape::Sphere,
         spec::Shape::Capsule => Shape::Capsule,
         spec::Shape::Ellipsoid => Shape::Ellipsoid,
@@ -368,6 +373,8 @@ pub(crate) fn bounding_radius(geom: &spec::Geom) -> f64 {
     let [a, b, c] = geom.size;
     match geom.shape {
         spec::Shape::Plane => 0.0,
+        // The third size is half the base and a quarter of the largest height.
+        spec::Shape::HeightField => (a * a + b * b + 16.0 * c * c).sqrt(),
         spec::Shape::Sphere => a,
         spec::Shape::Capsule => a + b,
         spec::Shape::Cylinder => (a * a + b * b).sqrt(),

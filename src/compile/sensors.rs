@@ -277,9 +277,12 @@ impl Sensors {
     /// The geoms that rays can meet.
     fn add_targets(&mut self, s: &Sources, ranging: &spec::Sensor, diagnostics: &mut Diagnostics) {
         for geom in s.scene.geoms.iter().filter(|geom| !geom.spec.clear) {
-            if geom.spec.shape == Shape::Mesh {
+            if matches!(geom.spec.shape, Shape::Mesh | Shape::HeightField) {
                 let name = label(ranging.kind.tag(), &ranging.name, 0);
-                let message = format!("rays to meshes are not supported, and geom {} is one", quoted(&geom.spec.name));
+                let message = format!(
+                    "rays to meshes and height fields are not supported, and geom {} is one",
+                    quoted(&geom.spec.name)
+                );
                 return diagnostics.push(
                     &ranging.source,
                     name,

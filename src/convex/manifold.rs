@@ -1,26 +1,22 @@
 //! Several points where flat sides or straight edges of two shapes lie against each other.
 //!
-//! Along the contact normal each shape shows a face, an edge or neither, within a small angle. Faces and edges are seen
-//! along the normal, one clipped to the other (Sutherland and Hodgman, Reentrant polygon clipping, 1974), and every corner
-//! of what they share is a point whose distance is that between the two planes along the normal. A disk counts as a
-//! polygon of sixteen corners.
+//! Of the sides that may touch, the two that face each other most squarely, within a small angle, are clipped to each other
+//! (Sutherland and Hodgman, Reentrant polygon clipping, 1974), seen along the first one's normal; every corner of what they
+//! share is a point, whose distance is that from the second one's plane, and whose normal is that side's. Of many corners,
+//! four that span a large area are kept. Else an edge that lies nearly in a side's plane is clipped to that side, whose
+//! normal its two points have. All this is where MuJoCo, of which the choice of points was found by experiment, has them.
 
 use glam::{DVec2, DVec3};
-use lanesim_kernels::model::{Hull, HullFace, Shape};
 
 use super::Nearest;
-use super::support::{Solid, vertex};
+use super::calipers::spanning;
+use super::feature::{CORNERS, EDGE, Face, Side, each_edge, each_face};
+use super::support::Solid;
 
-/// Cosine of the largest angle between a face's normal and the contact normal.
+/// Cosine of the largest angle between two sides that lie against each other.
 const FACE: f64 = 0.996;
-/// Largest sine of the angle by which an edge may lean out of the contact plane.
-const EDGE: f64 = 0.0888;
-/// Corners of a disk.
-const DISK: usize = 16;
-/// Most corners: each side of a convex polygon that clips adds one at most.
-const CORNERS: usize = 2 * DISK;
-/// Most points of a manifold.
-const POINTS: usize = 4;
+/// Most corners of what two sides share: each side of a convex polygon that clips adds one at most.
+const SHARED: usize = 2 * CORNERS;
 /// Corners less deep than the deepest by less than this, relative to the shapes' size, count as equally deep where one
 /// point stands for all.
 const LEVEL: f64 = 1e-6;
@@ -28,331 +24,256 @@ const LEVEL: f64 = 1e-6;
 const PARALLEL: f64 = 1e-4;
 /// A corner no farther beyond a side than this, relative to the shapes' size, lies on it.
 const ROUNDING: f64 = 1e-12;
-/// Differences below this, relative to the shapes' size, are rounding: of equals the first is taken, in the order of the
-/// shapes' own corners.
+/// Differences below this, relative to the shapes' size, are rounding: of equals the first is taken.
 const EQUAL: f64 = 1e-9;
 
-/// What a shape shows along the normal: a point on it and a polygon (or the two ends of an edge) in place.
-#[derive(Clone, Copy)]
-struct Feature {
-    len: usize,
-    corners: [DVec3; DISK],
-}
-
-impl Feature {
-    fn of(corners: &[DVec3], solid: &Solid<'_>, out: DVec3) -> Feature {
-        let mut feature = Feature { len: corners.len().min(DISK), corners: [DVec3::ZERO; DISK] };
-        for (place, corner) in feature.corners.iter_mut().zip(corners) {
-            *place = solid.place(*corner) + out * solid.radius;
-        }
-        feature
-    }
-
-    /// A normal of the feature's plane: for an edge, of the plane through it that faces the contact normal.
-    fn normal(&self, towards: DVec3) -> DVec3 {
-        let along = self.corners[1] - self.corners[0];
-        let across = if self.len > 2 { self.corners[2] - self.corners[0] } else { along.cross(towards) };
-        let normal = along.cross(across).normalize_or(towards);
-        if normal.dot(towards) < 0.0 { -normal } else { normal }
-    }
-}
-
-/// The face or edge that a solid shows in the direction `out`.
-fn feature(solid: &Solid<'_>, out: DVec3) -> Option<Feature> {
-    let d = solid.local(out);
-    let s = solid.size;
-    match solid.shape {
-        Shape::Box => {
-            if let Some(k) = (0..3).find(|&k| d[k].abs() >= FACE) {
-                let (u, v) = ((k + 1) % 3, (k + 2) % 3);
-                let corner = |x: f64, y: f64| {
-                    let mut p = DVec3::ZERO;
-                    (p[k], p[u], p[v]) = (s[k].copysign(d[k]), x * s[u], y * s[v]);
-                    p
-                };
-                let face = [corner(1.0, 1.0), corner(-1.0, 1.0), corner(-1.0, -1.0), corner(1.0, -1.0)];
-                return Some(Feature::of(&face, solid, out));
-            }
-            let k = (0..3).find(|&k| d[k].abs() <= EDGE)?;
-            let mut ends = [DVec3::new(s.x.copysign(d.x), s.y.copysign(d.y), s.z.copysign(d.z)); 2];
-            (ends[0][k], ends[1][k]) = (s[k], -s[k]);
-            Some(Feature::of(&ends, solid, out))
-        }
-        Shape::Cylinder if d.z.abs() >= FACE => {
-            let disk: [DVec3; DISK] = std::array::from_fn(|i| {
-                let (sin, cos) = CIRCLE[i];
-                DVec3::new(s.x * cos, s.x * sin, s.y.copysign(d.z))
-            });
-            Some(Feature::of(&disk, solid, out))
-        }
-        Shape::Cylinder if d.z.abs() <= EDGE => {
-            let rim = DVec3::new(d.x, d.y, 0.0) * (s.x / d.x.hypot(d.y));
-            let up = DVec3::new(0.0, 0.0, s.y);
-            Some(Feature::of(&[rim + up, rim - up], solid, out))
-        }
-        Shape::Capsule if d.z.abs() <= EDGE => {
-            let up = DVec3::new(0.0, 0.0, s.y);
-            Some(Feature::of(&[up, -up], solid, out))
-        }
-        Shape::Mesh => solid.hull.and_then(|hull| of_hull(hull, solid, d, out)),
-        _ => None,
-    }
-}
-
-/// The face or edge that a hull shows in the direction `d` of its own axes, `out` in place: at the vertex that is farthest out.
-fn of_hull(hull: &Hull, solid: &Solid<'_>, d: DVec3, out: DVec3) -> Option<Feature> {
-    let top = hull.support(d.to_array());
-    let facing = |face: &&HullFace| DVec3::from_array(face.normal).dot(d);
-    if let Some(face) = hull.faces_at(top).max_by(|a, b| facing(a).total_cmp(&facing(b))).filter(|f| facing(f) >= FACE)
-    {
-        // Of a face with more corners, as many as there is room for, all around.
-        let count = face.corners.len();
-        let kept = count.min(DISK);
-        let corners: [DVec3; DISK] =
-            std::array::from_fn(|i| vertex(hull, face.corners[i.min(kept - 1) * count / kept]));
-        return Some(Feature::of(&corners[..kept], solid, out));
-    }
-    let end = vertex(hull, top);
-    let steep = |other: &u32| (end - vertex(hull, *other)).normalize_or_zero().dot(d).abs();
-    let other =
-        hull.neighbours(top).iter().min_by(|a, b| steep(a).total_cmp(&steep(b))).filter(|o| steep(o) <= EDGE)?;
-    Some(Feature::of(&[end, vertex(hull, *other)], solid, out))
-}
-
-/// A corner of the shared outline, seen along the normal, and its distance.
+/// A point of what two shapes share.
 #[derive(Clone, Copy, Default)]
 struct Corner {
-    at: DVec2,
+    /// On the first of the two sides, or on the edge.
+    at: DVec3,
     dist: f64,
 }
 
-/// Adds the points of two flat features, `most` at most; false if the shapes touch otherwise or nothing is shared.
-///
-/// Their common normal is that of a face: of two, the one that separates more.
+/// What two shapes share.
+struct Shared {
+    len: usize,
+    corners: [Corner; SHARED],
+    /// Of an edge, which of its ends lie on the rim of the side.
+    cut: [bool; 2],
+    /// From the first shape to the second.
+    normal: DVec3,
+    /// Whether the corners are on the first shape, else on the second.
+    on_first: bool,
+}
+
+impl Shared {
+    /// Midway between the shapes.
+    fn place(&self, corner: &Corner) -> DVec3 {
+        let towards = if self.on_first { 0.5 } else { -0.5 };
+        corner.at + self.normal * (towards * corner.dist)
+    }
+
+    fn corners(&self) -> &[Corner] {
+        &self.corners[..self.len]
+    }
+}
+
+/// Adds the points within `include` of two shapes that touch with sides or edges, `most` at most; false if they touch otherwise.
 pub(super) fn manifold(
     solids: &[Solid<'_>; 2],
     nearest: &Nearest,
-    most: usize,
+    (include, most): (f64, usize),
     add: &mut impl FnMut(f64, DVec3, DVec3),
 ) -> bool {
-    let (Some(first), Some(second)) = (feature(&solids[0], nearest.normal), feature(&solids[1], -nearest.normal))
-    else {
-        return false;
+    let size = solids.iter().map(|solid| solid.extent + solid.radius).sum();
+    let dist = nearest.dist - solids[0].radius - solids[1].radius;
+    let shared = sides(solids, nearest.normal, size).or_else(|| edge_and_side(solids, nearest.normal));
+    let Some(mut shared) = shared.filter(|shared| shared.len > 0) else {
+        let middle = edges_middle(solids, nearest.normal);
+        middle.inspect(|at| add(dist, *at, nearest.normal));
+        return middle.is_some();
     };
-    let [radius1, radius2] = [solids[0].radius, solids[1].radius];
-    let dist = nearest.dist - radius1 - radius2;
-    if first.len < 3 && second.len < 3 {
-        let middle = edges_middle(&first, &second);
+    if most == 1 {
+        let middle = deepest_middle(&shared, size);
         middle.inspect(|at| add(dist, *at, nearest.normal));
         return middle.is_some();
     }
-    let size = solids[0].extent + solids[1].extent + radius1 + radius2;
-    let view = View::new(solids, [&first, &second], nearest.normal);
-    let mut corners = [Corner::default(); CORNERS];
-    let len = view.shared([&first, &second], size, &mut corners);
-    if most == 1 {
-        let middle = deepest_middle(&corners[..len], size);
-        middle.inspect(|at| add(dist, view.place(*at), nearest.normal));
-        return middle.is_some();
+    shared.keep_within(include);
+    for i in spanning(shared.len, |i| shared.corners[i].at).take(most) {
+        let corner = &shared.corners[i];
+        add(corner.dist, shared.place(corner), shared.normal);
     }
-    for corner in spread(&corners[..len], most.min(POINTS), size).into_iter().flatten() {
-        add(corner.dist, view.place(corner.at), view.normal);
+    shared.len > 0
+}
+
+/// What two sides share that face each other.
+fn sides(solids: &[Solid<'_>; 2], normal: DVec3, size: f64) -> Option<Shared> {
+    let mut best: Option<(f64, [Face<'_>; 2])> = None;
+    each_face(&solids[0], normal, &mut |one| {
+        let out = solids[0].rot * one.normal;
+        each_face(&solids[1], -normal, &mut |other| {
+            let facing = -out.dot(solids[1].rot * other.normal);
+            if facing >= best.map_or(FACE, |(most, _)| most + ROUNDING) {
+                best = Some((facing, [one, other]));
+            }
+        });
+    });
+    let (_, [one, other]) = best?;
+    Some(clip_side(&one.place(&solids[0]), &other.place(&solids[1]), size))
+}
+
+/// What the first side shares with the second: in the first one's plane, seen along its normal.
+fn clip_side(one: &Side, other: &Side, size: f64) -> Shared {
+    let mut outline = Outline { len: 0, corners: [DVec3::ZERO; SHARED] };
+    for corner in other.corners().iter().rev() {
+        outline.push(*corner - one.normal * one.normal.dot(*corner - one.corners[0]));
     }
-    len > 0
+    // The order of corners is MuJoCo's, on which it depends which of many are kept.
+    let backwards = |i: usize| one.corners[one.len - 1 - i % one.len];
+    for i in 0..one.len {
+        let (p, q) = (backwards(i), backwards(i + 1));
+        outline = outline.clip(p, one.normal.cross(q - p).normalize_or_zero(), ROUNDING * size);
+    }
+    let mut corners = [Corner::default(); SHARED];
+    for (corner, at) in corners.iter_mut().zip(&outline.corners[..outline.len]) {
+        *corner = Corner { at: *at, dist: other.normal.dot(*at - other.corners[0]) };
+    }
+    Shared { len: outline.len, corners, cut: [false; 2], normal: -other.normal, on_first: true }
+}
+
+/// What an edge shares with a side in whose plane it lies nearly: the first shape's edges are tried first.
+fn edge_and_side(solids: &[Solid<'_>; 2], normal: DVec3) -> Option<Shared> {
+    for (i, out) in [(0, normal), (1, -normal)] {
+        let (edged, sided) = (&solids[i], &solids[1 - i]);
+        let mut best: Option<([f64; 2], [DVec3; 2], Face<'_>)> = None;
+        each_edge(edged, out, &mut |edge| {
+            let along = (edge[1] - edge[0]).normalize_or_zero();
+            each_face(sided, -out, &mut |face| {
+                let towards = sided.rot * face.normal;
+                let (leaning, facing) = (along.dot(towards).abs(), -towards.dot(out));
+                let most = if face.bare { PARALLEL } else { EDGE };
+                // The side that faces the normal most squarely, then the edge that leans least.
+                let better = |[most, least]: [f64; 2]| {
+                    facing > most + ROUNDING || (facing > most - ROUNDING && leaning < least - ROUNDING)
+                };
+                if leaning <= most && best.is_none_or(|(known, ..)| better(known)) {
+                    best = Some(([facing, leaning], edge, face));
+                }
+            });
+        });
+        if let Some((_, edge, face)) = best {
+            let side = face.place(sided);
+            let mut shared = clip_edge(edge, &side);
+            (shared.normal, shared.on_first) = (if i == 0 { -side.normal } else { side.normal }, i == 0);
+            return Some(shared);
+        }
+    }
+    None
+}
+
+/// The ends of the part of an edge that lies over a side.
+fn clip_edge([p, q]: [DVec3; 2], side: &Side) -> Shared {
+    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    for i in 0..side.len {
+        let (a, b) = (side.corners[i], side.corners[(i + 1) % side.len]);
+        let out = (b - a).cross(side.normal);
+        let (fp, fq) = (out.dot(p - a), out.dot(q - a));
+        if fp > 0.0 && fq > 0.0 {
+            to = -1.0;
+        } else if fp > 0.0 {
+            from = from.max(fp / (fp - fq));
+        } else if fq > 0.0 {
+            to = to.min(fp / (fp - fq));
+        }
+    }
+    let mut corners = [Corner::default(); SHARED];
+    for (corner, t) in corners.iter_mut().zip([from, to]) {
+        let at = p.lerp(q, t);
+        *corner = Corner { at, dist: side.normal.dot(at - side.corners[0]) };
+    }
+    let len = if from <= to { 2 } else { 0 };
+    Shared { len, corners, cut: [from > 0.0, to < 1.0], normal: side.normal, on_first: true }
+}
+
+impl Shared {
+    /// Leaves out corners beyond `include`. Of an edge, a point on the side's rim counts twice if the other end is left out.
+    fn keep_within(&mut self, include: f64) {
+        let mut kept = 0;
+        if let Some(other) = (0..2).find(|&i| self.cut[i] && self.corners[1 - i].dist > include) {
+            self.corners[1 - other] = self.corners[other];
+        }
+        for i in 0..self.len {
+            if self.corners[i].dist <= include {
+                self.corners[kept] = self.corners[i];
+                kept += 1;
+            }
+        }
+        self.len = kept;
+    }
 }
 
 /// The middle of what two parallel edges share, midway between them; `None` if they are not parallel or share nothing.
-fn edges_middle(first: &Feature, second: &Feature) -> Option<DVec3> {
-    let [p, q] = [first.corners[0], first.corners[1]];
+fn edges_middle(solids: &[Solid<'_>; 2], normal: DVec3) -> Option<DVec3> {
+    let mut found = None;
+    each_edge(&solids[0], normal, &mut |one| {
+        each_edge(&solids[1], -normal, &mut |other| found = found.or_else(|| middle(one, other)));
+    });
+    found
+}
+
+fn middle([p, q]: [DVec3; 2], other: [DVec3; 2]) -> Option<DVec3> {
     let along = (q - p).normalize_or_zero();
-    let across = along.cross((second.corners[1] - second.corners[0]).normalize_or_zero());
-    let [a, b] = [second.corners[0], second.corners[1]].map(|end| along.dot(end - p));
+    let across = along.cross((other[1] - other[0]).normalize_or_zero());
+    let [a, b] = other.map(|end| along.dot(end - p));
     let (from, to) = (a.min(b).max(0.0), a.max(b).min(along.dot(q - p)));
     if across.length() > PARALLEL || from > to || a == b {
         return None;
     }
     let middle = 0.5 * (from + to);
-    let opposite = second.corners[0].lerp(second.corners[1], (middle - a) / (b - a));
+    let opposite = other[0].lerp(other[1], (middle - a) / (b - a));
     Some(0.5 * (p + along * middle + opposite))
 }
 
 /// The middle of the deepest corners; `None` if one alone is deepest.
-fn deepest_middle(corners: &[Corner], size: f64) -> Option<DVec2> {
+fn deepest_middle(shared: &Shared, size: f64) -> Option<DVec3> {
+    let corners = shared.corners();
     let least = corners.iter().map(|corner| corner.dist).fold(f64::INFINITY, f64::min);
-    let deepest = || corners.iter().filter(|corner| corner.dist <= least + LEVEL * size).map(|corner| corner.at);
+    let (u, v) = shared.normal.any_orthonormal_pair();
+    let flat = |corner: &Corner| DVec2::new(corner.at.dot(u), corner.at.dot(v));
+    let deepest = || corners.iter().filter(|corner| corner.dist <= least + LEVEL * size);
     let first = deepest().next()?;
+    let from = flat(first);
     let (mut area, mut moment) = (0.0, DVec2::ZERO);
     for (a, b) in deepest().zip(deepest().skip(1)) {
-        let twice = (a - first).perp_dot(b - first);
+        let (a, b) = (flat(a) - from, flat(b) - from);
+        let twice = a.perp_dot(b);
         area += twice;
-        moment += twice * (a + b - 2.0 * first) / 3.0;
+        moment += twice * (a + b) / 3.0;
     }
     if area.abs() > EQUAL * size * size {
-        return Some(first + moment / area);
+        let off = moment / area;
+        let at = first.at + u * off.x + v * off.y;
+        return Some(shared.place(&Corner { at, dist: least }));
     }
     // An edge: between the corners that are farthest apart.
-    let end = |from: DVec2| deepest().max_by(|p, q| p.distance_squared(from).total_cmp(&q.distance_squared(from)));
-    let (one, other) = (end(first)?, end(end(first)?)?);
-    (one.distance(other) > EQUAL * size).then_some(0.5 * (one + other))
+    let end = |from: DVec3| {
+        let off = |corner: &&Corner| corner.at.distance_squared(from);
+        deepest().max_by(|p, q| off(p).total_cmp(&off(q)))
+    };
+    let one = end(first.at)?;
+    let other = end(one.at)?;
+    let between = Corner { at: 0.5 * (one.at + other.at), dist: least };
+    (one.at.distance(other.at) > EQUAL * size).then(|| shared.place(&between))
 }
 
-/// Two features, seen along the normal.
-struct View {
-    normal: DVec3,
-    u: DVec3,
-    v: DVec3,
-    /// The features' planes n · p = d.
-    planes: [(DVec3, f64); 2],
-}
-
-impl View {
-    fn new(solids: &[Solid<'_>; 2], features: [&Feature; 2], normal: DVec3) -> View {
-        let normal = snap(solids, features, normal);
-        let (u, v) = normal.any_orthonormal_pair();
-        View { normal, u, v, planes: features.map(|feature| plane(feature, normal)) }
-    }
-
-    fn flat(&self, p: DVec3) -> DVec2 {
-        DVec2::new(p.dot(self.u), p.dot(self.v))
-    }
-
-    /// Height along the normal at which a plane is met.
-    fn lift(&self, at: DVec2, (n, d): (DVec3, f64)) -> f64 {
-        (d - at.x * self.u.dot(n) - at.y * self.v.dot(n)) / self.normal.dot(n)
-    }
-
-    /// Midway between the planes.
-    fn place(&self, at: DVec2) -> DVec3 {
-        let middle = 0.5 * (self.lift(at, self.planes[0]) + self.lift(at, self.planes[1]));
-        self.u * at.x + self.v * at.y + self.normal * middle
-    }
-
-    /// The corners of what the features share; their number.
-    fn shared(&self, [first, second]: [&Feature; 2], size: f64, corners: &mut [Corner; CORNERS]) -> usize {
-        // An edge is clipped to a face; of two faces, the second to the first.
-        let (base, other) = if first.len > 2 { (first, second) } else { (second, first) };
-        let mut outline = Outline { len: 0, corners: [DVec2::ZERO; CORNERS] };
-        for corner in &other.corners[..other.len] {
-            outline.push(self.flat(*corner));
-        }
-        let centre: DVec2 = base.corners[..base.len].iter().map(|p| self.flat(*p)).sum::<DVec2>() / base.len as f64;
-        for i in 0..base.len {
-            let (p, q) = (self.flat(base.corners[i]), self.flat(base.corners[(i + 1) % base.len]));
-            let out = DVec2::new(q.y - p.y, p.x - q.x);
-            let out = if out.dot(centre - p) > 0.0 { -out } else { out };
-            outline = outline.clip(p, out.normalize_or_zero(), other.len > 2, ROUNDING * size);
-        }
-        for (corner, at) in corners.iter_mut().zip(&outline.corners[..outline.len]) {
-            let [low, high] = self.planes.map(|plane| self.lift(*at, plane));
-            *corner = Corner { at: *at, dist: high - low };
-        }
-        outline.len
-    }
-}
-
-/// The normal of the features' faces along which the solids are farthest apart.
-fn snap(solids: &[Solid<'_>; 2], features: [&Feature; 2], normal: DVec3) -> DVec3 {
-    let mut best = (f64::NEG_INFINITY, normal);
-    for feature in features.into_iter().filter(|f| f.len > 2) {
-        let n = feature.normal(normal);
-        let apart = n.dot(solids[1].support(-n) - solids[0].support(n));
-        if apart > best.0 + EQUAL * (solids[0].extent + solids[1].extent) {
-            best = (apart, n);
-        }
-    }
-    best.1
-}
-
-/// The feature's plane n · p = d.
-fn plane(feature: &Feature, towards: DVec3) -> (DVec3, f64) {
-    let n = feature.normal(towards);
-    (n, n.dot(feature.corners[0]))
-}
-
-/// A polygon, or a segment, seen along the normal.
+/// A polygon in a plane.
 struct Outline {
     len: usize,
-    corners: [DVec2; CORNERS],
+    corners: [DVec3; SHARED],
 }
 
 impl Outline {
-    fn push(&mut self, corner: DVec2) {
+    fn push(&mut self, corner: DVec3) {
         if let Some(place) = self.corners.get_mut(self.len) {
             *place = corner;
             self.len += 1;
         }
     }
 
-    /// The part on the inner side of the line through `p` with normal `out`.
-    fn clip(&self, p: DVec2, out: DVec2, closed: bool, slack: f64) -> Outline {
-        let mut left = Outline { len: 0, corners: [DVec2::ZERO; CORNERS] };
+    /// The part on the inner side of the plane through `p` with normal `out`.
+    fn clip(&self, p: DVec3, out: DVec3, slack: f64) -> Outline {
+        let mut left = Outline { len: 0, corners: [DVec3::ZERO; SHARED] };
         for c in 0..self.len {
             let (a, b) = (self.corners[c], self.corners[(c + 1) % self.len]);
             let (fa, fb) = ((a - p).dot(out), (b - p).dot(out));
-            if fa <= slack {
-                left.push(a);
-            }
-            let crosses = (fa < -slack && fb > slack) || (fa > slack && fb < -slack);
-            // The last side of a segment is its first one backwards.
-            if crosses && (closed || c + 1 < self.len) {
+            if (fa < -slack && fb > slack) || (fa > slack && fb < -slack) {
                 left.push(a + (b - a) * (fa / (fa - fb)));
+            }
+            if fb <= slack {
+                left.push(b);
             }
         }
         left
     }
 }
-
-/// Up to `most` corners that span the outline: the deepest, the one farthest from it, and the farthest on either side of
-/// the line through both.
-fn spread(corners: &[Corner], most: usize, size: f64) -> [Option<Corner>; POINTS] {
-    let mut kept = [None; POINTS];
-    if corners.len() <= most {
-        for (place, corner) in kept.iter_mut().zip(corners) {
-            *place = Some(*corner);
-        }
-        return kept;
-    }
-    let pick = |unit: f64, value: &dyn Fn(&Corner) -> f64| {
-        let mut best = corners[0];
-        for corner in &corners[1..] {
-            if value(corner) > value(&best) + EQUAL * unit {
-                best = *corner;
-            }
-        }
-        best
-    };
-    let deepest = pick(size, &|c| -c.dist);
-    let farthest = pick(size * size, &|c| c.at.distance_squared(deepest.at));
-    let across = (farthest.at - deepest.at).perp();
-    let left = pick(size * size, &|c| (c.at - deepest.at).dot(across));
-    let right = pick(size * size, &|c| -(c.at - deepest.at).dot(across));
-    for (place, corner) in kept.iter_mut().zip([deepest, farthest, left, right]).take(most) {
-        *place = Some(corner);
-    }
-    kept
-}
-
-/// Sine and cosine of multiples of π/8.
-const CIRCLE: [(f64, f64); DISK] = {
-    // cos π/8 and sin π/8
-    let (c, s) = (0.923_879_532_511_286_7, 0.382_683_432_365_089_8);
-    let h = std::f64::consts::FRAC_1_SQRT_2;
-    [
-        (0.0, 1.0),
-        (s, c),
-        (h, h),
-        (c, s),
-        (1.0, 0.0),
-        (c, -s),
-        (h, -h),
-        (s, -c),
-        (0.0, -1.0),
-        (-s, -c),
-        (-h, -h),
-        (-c, -s),
-        (-1.0, 0.0),
-        (-c, s),
-        (-h, h),
-        (-s, c),
-    ]
-};

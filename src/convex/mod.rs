@@ -5,14 +5,17 @@
 //! points (`manifold`). Everything lives on the stack, in the first shape's own axes: so a scene turned as a whole gives the
 //! same contacts, turned.
 
+mod calipers;
 mod distance;
+mod feature;
+mod heights;
 mod manifold;
 mod penetration;
 mod plane;
 mod support;
 
 use glam::{DMat3, DVec3};
-use lanesim_kernels::collision::{Body, ConvexCollider, Outline, Point, Points};
+use lanesim_kernels::collision::{Body, ConvexCollider, Outline, Point};
 use lanesim_kernels::model::Shape;
 
 use support::Solid;
@@ -44,10 +47,10 @@ impl ConvexCollider for SupportCollider {
         b: &Body<f64>,
         include: f64,
         most: usize,
-        points: &mut Points<f64>,
+        found: &mut dyn FnMut(Point<f64>),
     ) {
         if outlines[0].shape == Shape::Plane {
-            return plane::collide(&Solid::new(outlines[1], b), a, include, most, points);
+            return plane::collide(&Solid::new(outlines[1], b), a, include, most, found);
         }
         let (own, origin) = (DMat3::from_cols_array(&a.rot).transpose(), DVec3::from_array(a.pos));
         let [one, other] = [Solid::new(outlines[0], a), Solid::new(outlines[1], b)];
@@ -61,6 +64,13 @@ impl ConvexCollider for SupportCollider {
                 ..other
             },
         ];
+        let mut place = |point: Point<f64>| {
+            let (pos, normal) = (own * DVec3::from(point.pos) + origin, own * DVec3::from(point.normal));
+            found(Point { pos: pos.to_array(), normal: normal.to_array(), ..point });
+        };
+        if let Some(heights) = outlines[0].heights {
+            return heights::collide(heights, &solids[1], include, &mut place);
+        }
         let radius = solids[0].radius + solids[1].radius;
         let Some(nearest) = nearest(&solids, include + radius) else { return };
         let dist = nearest.dist - radius;
@@ -69,17 +79,23 @@ impl ConvexCollider for SupportCollider {
         }
         let mut add = |dist: f64, at: DVec3, normal: DVec3| {
             if dist <= include {
-                let (pos, normal) = (own * at + origin, own * normal);
-                points.push(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
+                place(Point { dist, pos: at.to_array(), normal: normal.to_array() });
             }
         };
-        if manifold::manifold(&solids, &nearest, most, &mut add) {
+        if manifold::manifold(&solids, &nearest, (include, most), &mut add) {
             return;
         }
-        let first = nearest.on[0] + nearest.normal * solids[0].radius;
-        let second = nearest.on[1] - nearest.normal * solids[1].radius;
-        add(dist, (first + second) * 0.5, nearest.normal);
+        place(point(&solids, &nearest));
     }
+}
+
+/// The point midway between nearest points of two shapes.
+fn point(solids: &[Solid<'_>; 2], nearest: &Nearest) -> Point<f64> {
+    let [radius1, radius2] = [solids[0].radius, solids[1].radius];
+    let first = nearest.on[0] + nearest.normal * radius1;
+    let second = nearest.on[1] - nearest.normal * radius2;
+    let pos = (first + second) * 0.5;
+    Point { dist: nearest.dist - radius1 - radius2, pos: pos.to_array(), normal: nearest.normal.to_array() }
 }
 
 /// Zero, or the size, where a number is that up to a few roundings of the size: shapes that are aligned stay so.

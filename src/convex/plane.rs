@@ -1,46 +1,37 @@
-//! A plane and a mesh: the deepest vertex, and others that span what is within reach.
+//! A plane and a mesh: the deepest vertex, and the corners of the face that lies flattest on the plane there.
 
 use glam::DVec3;
-use lanesim_kernels::collision::{Body, Point, Points};
+use lanesim_kernels::collision::{Body, Point};
 
+use super::calipers::spanning;
 use super::support::{Solid, vertex};
 
-/// Most points of a mesh on a plane.
-const MOST: usize = 4;
-/// Differences below this, relative to the mesh's size, are rounding: of equals the first vertex is taken.
-const EQUAL: f64 = 1e-9;
-
-/// Adds the points of a mesh within `include` of a plane: the deepest, the one farthest from it, and the farthest on either side
-/// of the line through both; `most` at most.
-pub(super) fn collide(mesh: &Solid<'_>, plane: &Body<f64>, include: f64, most: usize, points: &mut Points<f64>) {
+/// Adds the points of a mesh within `include` of a plane, `most` at most: corners of the face, the deepest first; of more than four
+/// corners, those that span it.
+pub(super) fn collide(
+    mesh: &Solid<'_>,
+    plane: &Body<f64>,
+    include: f64,
+    most: usize,
+    found: &mut dyn FnMut(Point<f64>),
+) {
     let Some(hull) = mesh.hull else { return };
     let (rot, origin) = (plane.rot, DVec3::from_array(plane.pos));
     let normal = DVec3::new(rot[2], rot[5], rot[8]);
     let (down, shift) = (mesh.local(-normal), normal.dot(mesh.centre - origin));
-    let height = |at: DVec3| shift - down.dot(at);
-    let deepest = vertex(hull, hull.support(down.to_array()));
-    if height(deepest) > include {
-        return;
-    }
-    let near = || (0..hull.vertices.len() as u32).map(|v| vertex(hull, v)).filter(|at| height(*at) <= include);
-    let farthest = |value: &dyn Fn(DVec3) -> f64| {
-        let better = |best: (f64, DVec3), at: DVec3| if value(at) > best.0 { (value(at), at) } else { best };
-        near().fold((EQUAL * mesh.extent, deepest), better).1
-    };
-    let second = farthest(&|at| at.distance(deepest));
-    let across = (second - deepest).cross(down).normalize_or_zero();
-    let sides = [1.0, -1.0].map(|sign| farthest(&|at| sign * across.dot(at - deepest)));
-    let mut chosen = [deepest, second, sides[0], sides[1]];
-    let mut count = 0;
-    for i in 0..MOST {
-        if !chosen[..count].contains(&chosen[i]) {
-            chosen[count] = chosen[i];
-            count += 1;
+    let top = hull.support(down.to_array());
+    let mut add = |corner: u32| {
+        let at = vertex(hull, corner);
+        let dist = shift - down.dot(at);
+        if dist <= include {
+            let pos = mesh.place(at) - normal * (0.5 * dist);
+            found(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
         }
-    }
-    for at in &chosen[..count.min(most)] {
-        let dist = height(*at);
-        let pos = mesh.place(*at) - normal * (0.5 * dist);
-        points.push(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
-    }
+    };
+    let flat = |normal: &[f64; 3]| DVec3::from_array(*normal).dot(down);
+    let face = hull.faces_at(top).max_by(|a, b| flat(&a.normal).total_cmp(&flat(&b.normal)));
+    let Some(corners) = face.map(|face| &face.corners) else { return add(top) };
+    let first = corners.iter().position(|corner| *corner == top).unwrap_or(0);
+    let corner = |i: usize| corners[(first + i) % corners.len()];
+    spanning(corners.len(), |i| vertex(hull, corner(i))).take(most).for_each(|i| add(corner(i)));
 }

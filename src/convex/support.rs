@@ -4,12 +4,17 @@ use glam::{DMat3, DVec3};
 use lanesim_kernels::collision::{Body, Outline};
 use lanesim_kernels::model::{Hull, Shape};
 
+/// Corners of the prism below a triangle: those above, then those at the ground.
+pub(super) type Prism = [DVec3; 6];
+
 /// A convex shape in place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solid<'a> {
     pub shape: Shape,
     /// Of a mesh.
     pub hull: Option<&'a Hull>,
+    /// Of what lies below a triangle of a height field.
+    pub prism: Option<&'a Prism>,
     pub centre: DVec3,
     /// Shape to world.
     pub rot: DMat3,
@@ -21,10 +26,10 @@ pub(super) struct Solid<'a> {
 }
 
 impl<'a> Solid<'a> {
-    pub fn new(Outline { shape, hull }: Outline<'a>, body: &Body<f64>) -> Solid<'a> {
+    pub fn new(Outline { shape, hull, .. }: Outline<'a>, body: &Body<f64>) -> Solid<'a> {
         let size = DVec3::from_array(body.size);
         let (radius, extent) = match shape {
-            Shape::Plane => (0.0, 0.0),
+            Shape::Plane | Shape::HeightField => (0.0, 0.0),
             Shape::Sphere => (size.x, 0.0),
             Shape::Capsule => (size.x, size.y),
             Shape::Ellipsoid => (0.0, size.max_element()),
@@ -32,7 +37,7 @@ impl<'a> Solid<'a> {
             Shape::Box | Shape::Mesh => (0.0, size.length()),
         };
         let rot = DMat3::from_cols_array(&body.rot).transpose();
-        Solid { shape, hull, centre: DVec3::from_array(body.pos), rot, size, radius, extent }
+        Solid { shape, hull, prism: None, centre: DVec3::from_array(body.pos), rot, size, radius, extent }
     }
 
     /// A direction in the shape's own axes.
@@ -51,6 +56,7 @@ impl<'a> Solid<'a> {
         let s = self.size;
         self.place(match self.shape {
             Shape::Plane | Shape::Sphere => DVec3::ZERO,
+            Shape::HeightField => self.prism.map_or(DVec3::ZERO, |prism| farthest(prism, d)),
             Shape::Capsule => DVec3::new(0.0, 0.0, s.y.copysign(d.z)),
             Shape::Ellipsoid => {
                 let scaled = s * d;
@@ -65,6 +71,12 @@ impl<'a> Solid<'a> {
             Shape::Mesh => self.hull.map_or(DVec3::ZERO, |hull| vertex(hull, hull.support(d.to_array()))),
         })
     }
+}
+
+/// The corner of a prism that is farthest along a direction.
+fn farthest(prism: &Prism, direction: DVec3) -> DVec3 {
+    let better = |best: DVec3, next: &DVec3| if next.dot(direction) > best.dot(direction) { *next } else { best };
+    prism.iter().fold(prism[0], better)
 }
 
 /// A vertex of a hull, in its own axes.

@@ -1,12 +1,14 @@
-//! Triangle meshes: the files that hold them, their mass, and their convex hulls.
+//! Triangle meshes and height fields: the files that hold them; the mass of meshes, and their convex hulls.
 
 mod files;
+mod heights;
 mod hull;
 mod mass;
 
 use glam::DVec3;
 
 pub(crate) use files::{FORMATS, Format};
+pub(crate) use heights::{MOST_POINTS, Raw as RawHeights};
 pub(crate) use hull::{Refused, hull};
 pub use mass::MeshInertia;
 pub(crate) use mass::bulk;

@@ -258,9 +258,11 @@ fn prefixed(spec: &mut Spec, prefix: &str) {
         for geom in &mut body.geoms {
             add(&mut geom.name);
             add(&mut geom.mesh);
+            add(&mut geom.hfield);
         }
     }
     spec.meshes.iter_mut().for_each(|mesh| add(&mut mesh.name));
+    spec.hfields.iter_mut().for_each(|field| add(&mut field.name));
     all(&mut spec.pairs, &add);
     all(&mut spec.excludes, &add);
     all(&mut spec.tendons, &add);

@@ -12,7 +12,7 @@ use super::replicate::Replica;
 use super::report::Report;
 use super::tree::{Element, Tree};
 use crate::spec::{
-    Body, Compiler, Equality, Exclude, Inertia, Inertial, JointKind, Key, Mesh, Pair, Sensor, Spec, Tendon,
+    Body, Compiler, Equality, Exclude, HeightField, Inertia, Inertial, JointKind, Key, Mesh, Pair, Sensor, Spec, Tendon,
 };
 
 /// Words of `body/fuse`.
@@ -59,6 +59,7 @@ pub(super) struct Builder<'a> {
     pub parts: HashMap<usize, Spec>,
     /// Meshes and keyframes of what was.
     pub meshes: Vec<Mesh>,
+    pub hfields: Vec<HeightField>,
     pub keys: Vec<Key>,
     /// Geoms that are left out though nothing says lenient, by why: how many, and the first.
     pub decorations: BTreeMap<&'static str, (usize, String)>,
@@ -201,6 +202,7 @@ impl Builder<'_> {
         part.actuators.into_iter().for_each(|actuator| self.actuators.push(Entry { actuator, kept: true }));
         part.sensors.into_iter().for_each(|sensor| self.sensors.push(sensor));
         self.meshes.append(&mut part.meshes);
+        self.hfields.append(&mut part.hfields);
         for mut key in part.keys {
             key.parts.iter_mut().for_each(|part| part.body += shift);
             self.keys.push(key);

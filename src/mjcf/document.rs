@@ -100,7 +100,7 @@ mod tests {
 
     const MAIN: &str = "<mujoco><include file='sub/arm.xml'/><include file='keys.xml'/></mujoco>";
     const ARM: &str = "<mujoco><worldbody><include file='link.xml'/><light/></worldbody></mujoco>";
-    const LINK: &str = "<mujoco><body><joint/><geom type='hfield'/><geom size='.1'/></body></mujoco>";
+    const LINK: &str = "<mujoco><body><joint/><geom type='sdf'/><geom size='.1'/></body></mujoco>";
     const KEYS: &str = "<mujoco><keyframe><key name='up' qpos='1'/></keyframe></mujoco>";
 
     #[test]
@@ -116,7 +116,7 @@ mod tests {
         assert_eq!(document.includes.len(), 3);
         let again = document.spec(&options).unwrap();
         assert_eq!(format!("{spec:?}"), format!("{again:?}"));
-        assert_eq!(again.losses.len(), 1, "the height field");
+        assert_eq!(again.losses.len(), 1, "the distance field");
     }
 
     #[test]

@@ -10,13 +10,12 @@ use crate::spec::{Compiler, Geom, GeomMass, InertiaFromGeom, Shape, Site};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Shape(Shape),
-    HeightField,
     DistanceField,
 }
 
 const KINDS: &[(&str, Kind)] = &[
     ("plane", Kind::Shape(Shape::Plane)),
-    ("hfield", Kind::HeightField),
+    ("hfield", Kind::Shape(Shape::HeightField)),
     ("sphere", Kind::Shape(Shape::Sphere)),
     ("capsule", Kind::Shape(Shape::Capsule)),
     ("ellipsoid", Kind::Shape(Shape::Ellipsoid)),
@@ -36,6 +35,8 @@ pub(super) struct Placement {
     fromto: Option<[f64; 6]>,
     /// Name of the mesh that is the shape, or to which it is fitted.
     mesh: String,
+    /// Name of the height field that is the shape.
+    hfield: String,
     /// Colour and opacity.
     rgba: [f64; 4],
 }
@@ -49,6 +50,7 @@ impl Placement {
             orientation: Orientation::IDENTITY,
             fromto: None,
             mesh: String::new(),
+            hfield: String::new(),
             rgba: [0.5, 0.5, 0.5, 1.0],
         }
     }
@@ -66,12 +68,14 @@ impl Placement {
         if let Some(mesh) = reader.element.get("mesh") {
             self.mesh = mesh.to_string();
         }
+        if let Some(hfield) = reader.element.get("hfield") {
+            self.hfield = hfield.to_string();
+        }
     }
 
     /// Why the shape cannot be had.
     fn missing(&self) -> Option<&'static str> {
         match self.kind {
-            Kind::HeightField => Some("height fields are"),
             Kind::DistanceField => Some("signed distance fields are"),
             Kind::Shape(_) => None,
         }
@@ -113,7 +117,9 @@ fn span(shape: Shape, mut size: [f64; 3], ends: [f64; 6]) -> Result<Resolved, &'
     match shape {
         Shape::Capsule | Shape::Cylinder => size[1] = half,
         Shape::Box | Shape::Ellipsoid => size = [size[0], size[0], half],
-        Shape::Plane | Shape::Sphere | Shape::Mesh => return Err("fromto needs a capsule, cylinder, box or ellipsoid"),
+        Shape::Plane | Shape::HeightField | Shape::Sphere | Shape::Mesh => {
+            return Err("fromto needs a capsule, cylinder, box or ellipsoid");
+        }
     }
     let quat = from_z(axis).ok_or("the two points of fromto coincide")?;
     Ok(Resolved { shape, size, pos: [0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)], quat })
@@ -238,13 +244,19 @@ impl RawGeom {
             report.unsupported(element, what);
         }
         let mesh = self.placement.mesh.clone();
+        let field = self.placement.kind == Kind::Shape(Shape::HeightField);
+        let hfield = if field { self.placement.hfield.clone() } else { String::new() };
         match self.placement.kind {
             Kind::Shape(Shape::Mesh) if mesh.is_empty() => {
                 report.error(element, "a geom of type mesh needs a mesh", "name one in attribute mesh");
                 return None;
             }
-            Kind::Shape(Shape::Plane) if !mesh.is_empty() => {
-                report.error(element, "a plane cannot be fitted to a mesh", "remove mesh");
+            Kind::Shape(Shape::HeightField) if hfield.is_empty() => {
+                report.error(element, "a geom of type hfield needs a height field", "name one in attribute hfield");
+                return None;
+            }
+            Kind::Shape(Shape::Plane | Shape::HeightField) if !mesh.is_empty() => {
+                report.error(element, "a plane or height field cannot be fitted to a mesh", "remove mesh");
                 return None;
             }
             _ => {}
@@ -252,7 +264,7 @@ impl RawGeom {
         let Resolved { shape, size, pos, quat } = self.placement.resolve(element, angles, report)?;
         let mass = self.mass.map_or(GeomMass::Density(self.density), GeomMass::Mass);
         let clear = self.placement.rgba[3] == 0.0;
-        Some(Geom { shape, clear, size, mesh, pos, quat, mass, source: element.source.clone(), ..self.geom })
+        Some(Geom { shape, clear, size, mesh, hfield, pos, quat, mass, source: element.source.clone(), ..self.geom })
     }
 }
 
@@ -278,7 +290,7 @@ impl RawSite {
 
     /// The site in the coordinates of its frame; `None` if it cannot be had, which is reported.
     pub fn finish(self, element: &Element, angles: &Angles, report: &mut Report) -> Option<Site> {
-        if matches!(self.placement.kind, Kind::Shape(Shape::Plane) | Kind::HeightField) {
+        if matches!(self.placement.kind, Kind::Shape(Shape::Plane | Shape::HeightField)) {
             report.error(element, "a site cannot be a plane or height field", "");
             return None;
         }

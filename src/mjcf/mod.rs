@@ -18,6 +18,7 @@ mod defaults;
 mod document;
 mod equality;
 mod geom;
+mod heights;
 mod include;
 mod joint;
 mod keyframe;
@@ -43,7 +44,8 @@ use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
 use crate::spec::{
-    Actuator, Body, Equality, Exclude, Key, Mesh, Object, ObjectKind, Pair, Sensor, Spec, Tendon, Transmission,
+    Actuator, Body, Equality, Exclude, HeightField, Key, Mesh, Object, ObjectKind, Pair, Sensor, Spec, Tendon,
+    Transmission,
 };
 use actuator::Tag;
 use attach::Context;
@@ -156,6 +158,7 @@ fn read_model(
         compiler: &spec.compiler,
         parts,
         meshes: Vec::new(),
+        hfields: Vec::new(),
         keys: Vec::new(),
         decorations: BTreeMap::new(),
         lost_geoms: Vec::new(),
@@ -167,13 +170,9 @@ fn read_model(
     builder.build();
     let built = Built::of(builder);
     built.finish(&tree, &mut spec, &mut report);
-    asset::meshes(
-        &tree,
-        &classes,
-        &mut Assets::new(&tree, context.files, context.folder, record),
-        &mut spec,
-        &mut report,
-    );
+    let mut assets = Assets::new(&tree, context.files, context.folder, record);
+    asset::meshes(&tree, &classes, &mut assets, &mut spec, &mut report);
+    heights::fields(&tree, &mut assets, &mut spec, &mut report);
 
     report.into_result(&mut spec)?;
     overridden?;
@@ -190,6 +189,7 @@ struct Built {
     actuators: Vec<Entry>,
     sensors: Vec<Sensor>,
     meshes: Vec<Mesh>,
+    hfields: Vec<HeightField>,
     keys: Vec<Key>,
     lost_geoms: HashSet<String>,
     lost_coordinates: bool,
@@ -217,6 +217,7 @@ impl Built {
             actuators: builder.actuators.into_items().collect(),
             sensors: builder.sensors.into_items().collect(),
             meshes: builder.meshes,
+            hfields: builder.hfields,
             keys: builder.keys,
             lost_geoms: builder.lost_geoms.into_iter().collect(),
             lost_coordinates: builder.lost_coordinates,
@@ -259,6 +260,7 @@ impl Built {
         spec.keys = keyframe::read(tree, &kept, self.lost_coordinates, report);
         spec.keys.extend(self.keys);
         spec.meshes = self.meshes;
+        spec.hfields = self.hfields;
         self.notes.into_iter().for_each(|note| report.note(note));
     }
 }

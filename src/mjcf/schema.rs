@@ -168,7 +168,7 @@ static ASSET: Rule = section(
         &opaque("material"),
         &opaque("skin"),
         &MESH_ASSET,
-        &opaque("hfield"),
+        &leaf("hfield", &["name content_type file nrow ncol size elevation"]),
         &leaf("model", &["name file content_type"]),
     ],
 );

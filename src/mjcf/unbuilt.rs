@@ -16,7 +16,6 @@ pub(super) fn sections(tree: &Tree, report: &mut Report) {
     }
     // What nothing depends on by itself: elements that use it say so.
     note(tree, "extension", |_| true, "plugins are not built", report);
-    note(tree, "asset", |element| element.tag == "hfield", "height fields are not read", report);
     for (section, what) in [
         ("equality", "equality constraints of kinds that are not built, not active, are left out"),
         ("deformable", "skins are not drawn"),

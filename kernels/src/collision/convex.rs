@@ -1,16 +1,18 @@
 //! Convex pairs without a formula of their own: solved by a collider that the caller supplies.
 
 use super::Body;
-use super::single::Points;
-use crate::model::{Hull, Shape};
+use super::single::Point;
+use crate::model::{HeightField, Hull, Shape};
 
-/// The shape of a geom, and its hull if it is a mesh.
+/// The shape of a geom, and what belongs to it.
 #[derive(Clone, Copy, Debug)]
 pub struct Outline<'a> {
     /// Shape.
     pub shape: Shape,
     /// Hull of a mesh, in the geom's axes.
     pub hull: Option<&'a Hull>,
+    /// Heights of a height field.
+    pub heights: Option<&'a HeightField>,
 }
 
 /// Finds the contacts of two convex shapes, one world at a time, without allocating.
@@ -26,6 +28,6 @@ pub trait ConvexCollider: Sync {
         b: &Body<f64>,
         include: f64,
         most: usize,
-        points: &mut Points<f64>,
+        add: &mut dyn FnMut(Point<f64>),
     );
 }

@@ -24,7 +24,7 @@ pub use classes::{Class, classes, groups};
 pub use convex::{ConvexCollider, Outline};
 pub use frame::contact_frame;
 pub use pair::{in_lanes, narrow, narrow_parallel};
-pub use single::{Point, Points};
+pub use single::{MOST_OF_FIELD, Point, Points};
 pub use way::{blur, levers, way};
 
 use body::{Candidate, body};
@@ -245,16 +245,26 @@ impl<L: LaneQuery> Collision<L> {
         let worlds = L::mask_of(near.worlds);
         match shapes(&model, near.pair) {
             (Shape::Capsule, Shape::Box) => {
-                single::each(a, b, worlds, |_, [a, b], points| capsule_box::capsule_box(a, b, include, points), emit);
+                let collide =
+                    |_, [a, b]: [&_; 2], points: &mut Points<_>| capsule_box::capsule_box(a, b, include, points);
+                single::each(a, b, worlds, collide, emit);
             }
             (Shape::Box, Shape::Box) => {
                 let axes = boxes::Axes::new(a, b);
-                let collide = |i, [a, b]: [&_; 2], points: &mut _| boxes::boxes(a, b, &axes.lane(i), include, points);
+                let collide =
+                    |i, [a, b]: [&_; 2], points: &mut Points<_>| boxes::boxes(a, b, &axes.lane(i), include, points);
+                single::each(a, b, worlds, collide, emit);
+            }
+            (Shape::HeightField, _) => {
+                let outlines = outlines(&model, near.pair);
+                let collide = |_, [a, b]: [&_; 2], points: &mut Points<_, MOST_OF_FIELD>| {
+                    single::convex(convex, outlines, (a, b), include, most, points)
+                };
                 single::each(a, b, worlds, collide, emit);
             }
             _ => {
                 let outlines = outlines(&model, near.pair);
-                let collide = |_, [a, b]: [&_; 2], points: &mut _| {
+                let collide = |_, [a, b]: [&_; 2], points: &mut Points<_>| {
                     single::convex(convex, outlines, (a, b), include, most, points)
                 };
                 single::each(a, b, worlds, collide, emit);
@@ -303,6 +313,12 @@ fn outlines<T>(model: &Model<T>, pair: u32) -> [Outline<'_>; 2] {
     let pair = &model.pairs[pair as usize];
     [pair.geom1, pair.geom2].map(|geom| {
         let geom = &model.geoms[geom as usize];
-        Outline { shape: geom.shape, hull: model.hulls.get(geom.hull as usize) }
+        let (shape, place) = (geom.shape, geom.hull as usize);
+        let of = |wanted| shape == wanted;
+        Outline {
+            shape,
+            hull: model.hulls.get(place).filter(|_| of(Shape::Mesh)),
+            heights: model.heights.get(place).filter(|_| of(Shape::HeightField)),
+        }
     })
 }

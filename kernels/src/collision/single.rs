@@ -8,8 +8,10 @@ use super::{ConvexCollider, Outline};
 use crate::lane::{LaneQuery, Scalar};
 use crate::math::vec3::{Vec3, zero};
 
-/// Most points of a pair.
+/// Most points of a pair, but for height fields.
 pub(crate) const MOST: usize = 8;
+/// Most points of a height field and another shape.
+pub const MOST_OF_FIELD: usize = 50;
 
 /// A point of a world.
 #[derive(Clone, Copy, Debug)]
@@ -24,18 +26,18 @@ pub struct Point<R> {
 
 /// The points of one world's pair.
 #[derive(Debug)]
-pub struct Points<R> {
+pub struct Points<R, const N: usize = MOST> {
     len: usize,
-    list: [Point<R>; MOST],
+    list: [Point<R>; N],
 }
 
-impl<R: Scalar> Default for Points<R> {
+impl<R: Scalar, const N: usize> Default for Points<R, N> {
     fn default() -> Self {
-        Points { len: 0, list: [Point { dist: R::zero(), pos: zero(), normal: zero() }; MOST] }
+        Points { len: 0, list: [Point { dist: R::zero(), pos: zero(), normal: zero() }; N] }
     }
 }
 
-impl<R: Scalar> Points<R> {
+impl<R: Scalar, const N: usize> Points<R, N> {
     /// The points.
     pub fn as_slice(&self) -> &[Point<R>] {
         &self.list[..self.len]
@@ -56,18 +58,18 @@ fn lane<L: LaneQuery>(body: &Body<L>, i: usize) -> Body<L::Real> {
 }
 
 /// Runs `collide` for every lane of `near`, by its number, and emits its points.
-pub(super) fn each<L: LaneQuery>(
+pub(super) fn each<L: LaneQuery, const N: usize>(
     a: &Body<L>,
     b: &Body<L>,
     near: L::Mask,
-    mut collide: impl FnMut(usize, [&Body<L::Real>; 2], &mut Points<L::Real>),
+    mut collide: impl FnMut(usize, [&Body<L::Real>; 2], &mut Points<L::Real, N>),
     emit: &mut dyn FnMut(u32, Candidate<L>, L::Mask),
 ) {
     let (z, one) = (L::zero(), L::one());
     // Lanes without the point hold a unit normal, so that what is computed from them stays finite.
     let blank = Candidate { dist: z, pos: zero(), normal: [one, z, z], tangent: zero() };
-    let mut candidates = [blank; MOST];
-    let mut exists = [0_u32; MOST];
+    let mut candidates = [blank; N];
+    let mut exists = [0_u32; N];
     let near = L::bits(near);
     for i in (0..L::WIDTH).filter(|i| near >> i & 1 != 0) {
         let mut points = Points::default();
@@ -94,21 +96,20 @@ fn widen<R: Scalar>(body: &Body<R>) -> Body<f64> {
 }
 
 /// Runs a collider of convex shapes in f64, and rounds its points.
-pub(super) fn convex<R: Scalar>(
+pub(super) fn convex<R: Scalar, const N: usize>(
     collider: &dyn ConvexCollider,
     outlines: [Outline<'_>; 2],
     bodies: (&Body<R>, &Body<R>),
     include: R,
     most: usize,
-    points: &mut Points<R>,
+    points: &mut Points<R, N>,
 ) {
-    let mut found = Points::default();
-    collider.collide(outlines, &widen(bodies.0), &widen(bodies.1), include.to_f64(), most, &mut found);
-    for point in found.as_slice().iter().take(most) {
+    let mut add = |point: Point<f64>| {
         points.push(Point {
             dist: R::from_f64(point.dist),
             pos: point.pos.map(R::from_f64),
             normal: point.normal.map(R::from_f64),
         });
-    }
+    };
+    collider.collide(outlines, &widen(bodies.0), &widen(bodies.1), include.to_f64(), most, &mut add);
 }

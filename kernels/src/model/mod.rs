@@ -7,6 +7,7 @@
 //! world's origin the tree is.
 
 mod cast;
+mod heights;
 mod hull;
 mod pattern;
 mod sensors;
@@ -16,6 +17,7 @@ mod tiles;
 mod varied;
 
 pub use cast::{Cast, Representable};
+pub use heights::HeightField;
 pub use hull::{Hull, HullFace};
 pub use pattern::{Pattern, Rows};
 pub use sensors::{Bound, Sensor, SensorKind, Target};
@@ -186,6 +188,8 @@ pub struct Model<T> {
     pub geoms: Vec<Geom<T>>,
     /// Convex hulls of the meshes among them.
     pub hulls: Arc<[Hull]>,
+    /// Height fields among them.
+    pub heights: Arc<[HeightField]>,
     /// Pairs of geoms.
     pub pairs: Vec<Pair<T>>,
     /// Degrees of freedom of pairs.
@@ -286,6 +290,7 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             blur: self.blur.cast(),
             geoms: self.geoms.cast(),
             hulls: self.hulls.clone(),
+            heights: self.heights.clone(),
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),
             fluids: self.fluids.cast(),

@@ -151,6 +151,8 @@ table! {
 pub enum Shape {
     /// Infinite plane, normal along z.
     Plane,
+    /// Height field: half lengths along x and y, and a height that displays.
+    HeightField,
     /// Sphere: radius.
     Sphere,
     /// Capsule along z: radius, half length.
@@ -178,7 +180,7 @@ table! {
         pub link: u32,
         /// Whether `rot` is the identity.
         pub aligned: bool,
-        /// Of a mesh, its place among the hulls; else [`NONE`].
+        /// Of a mesh, its place among the hulls; of a height field, among those; else [`NONE`].
         pub hull: u32,
         real:
         /// Position in the link's frame, or in the world.

@@ -90,8 +90,8 @@ pub(super) fn distance<L: Lane>(shape: Shape, size: &Vec3<L>, p: &Vec3<L>, v: &V
                 }
             }
         }
-        // The compiler refuses rays where there are meshes.
-        Shape::Mesh => {}
+        // The compiler refuses rays where there are any.
+        Shape::Mesh | Shape::HeightField => {}
     }
     nearest.0
 }
@@ -139,7 +139,7 @@ pub(super) fn inside<L: Lane>(shape: Shape, size: &Vec3<L>, p: &Vec3<L>) -> L::M
         Shape::Cylinder => radial.le(size[0] * size[0]) & p[2].abs().le(size[1]),
         Shape::Box => p[0].abs().le(size[0]) & p[1].abs().le(size[1]) & p[2].abs().le(size[2]),
         // Sites are neither.
-        Shape::Plane | Shape::Mesh => L::Mask::splat(false),
+        Shape::Plane | Shape::Mesh | Shape::HeightField => L::Mask::splat(false),
     }
 }
 

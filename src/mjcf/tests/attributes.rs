@@ -8,8 +8,7 @@ const FILES: &str = "only for files that are not there in this test";
 const SAVING: &str = "only for saving and attaching models";
 const USER: &str = "numbers for the user's own code, of which there is none here";
 const MEMORY: &str = "rooms are sized by the model";
-const MESHES: &str =
-    "only for shapes of meshes, of which there is none in this test, and height fields, which are not built";
+const MESHES: &str = "only for shapes of meshes, of which there is none in this test, and height fields";
 const DELAYS: &str = "only for delays, which are not built";
 const SPEED: &str = "only steers speed";
 
@@ -32,7 +31,7 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("site tendon fixed spatial", "rgba", LOOKS),
     ("camera light", "*", LOOKS),
     ("geom", "hfield", MESHES),
-    ("mesh", "*", MESHES),
+    ("mesh hfield", "*", MESHES),
     ("geom", "fluidcoef", "only for fluid forces, which are not built"),
     ("body", "sleep", "only for sleeping, which is not built"),
     ("body", "simple", SPEED),

@@ -97,16 +97,16 @@ fn sensors_go_with_what_they_are_about() {
     rejects(&text, "1: camprojection: sensors of kind camprojection are not supported (a lenient load leaves it out)");
 }
 
-/// A height field on a body, with what stands before it.
+/// A signed distance field on a body, with what stands before it.
 fn field(compiler: &str, before: &str, geom: &str) -> String {
     format!(
         "<mujoco><compiler {compiler}/><worldbody><body>{before}\
-         <geom size='.1'/>\n<geom name='v' type='hfield' {geom}/></body></worldbody></mujoco>"
+         <geom size='.1'/>\n<geom name='v' type='sdf' {geom}/></body></worldbody></mujoco>"
     )
 }
 
 #[test]
-fn height_fields_that_only_decorate_are_notes() {
+fn distance_fields_that_only_decorate_are_notes() {
     let idle = "contype='0' conaffinity='0'";
     let inertial = "<frame><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></frame>";
     let massless = format!("{idle} mass='0'");
@@ -124,7 +124,7 @@ fn height_fields_that_only_decorate_are_notes() {
         assert_eq!(
             spec.notes,
             [
-                "1 geom on which no motion depends is left out, as height fields are not built: line 2: geom \"v\": the first"
+                "1 geom on which no motion depends is left out, as signed distance fields are not built: line 2: geom \"v\": the first"
             ]
         );
     }
@@ -133,8 +133,11 @@ fn height_fields_that_only_decorate_are_notes() {
 #[test]
 fn a_geom_left_out_says_what_it_takes_with_it() {
     let check = |text: &str, with: &str| {
-        rejects(text, &format!("2: geom \"v\": height fields are not supported (a lenient load leaves it out {with})"));
-        let lost = format!("line 2: geom \"v\": height fields are not supported, left out {with}");
+        rejects(
+            text,
+            &format!("2: geom \"v\": signed distance fields are not supported (a lenient load leaves it out {with})"),
+        );
+        let lost = format!("line 2: geom \"v\": signed distance fields are not supported, left out {with}");
         assert_eq!(lenient(text).losses, [lost]);
     };
     let idle = "contype='0' conaffinity='0'";
@@ -155,8 +158,8 @@ fn a_pair_with_a_copy_of_a_lost_geom_is_lost() {
     let text = |name: &str, idle: &str| {
         format!(
             "<mujoco><worldbody><geom name='h' size='.1'/><body><joint/>\
-             <geom size='.1'/><replicate count='2'><replicate count='2' sep='_'><geom name='g' type='hfield' {idle}/>\
-             <geom type='hfield'/></replicate></replicate></body></worldbody>\
+             <geom size='.1'/><replicate count='2'><replicate count='2' sep='_'><geom name='g' type='sdf' {idle}/>\
+             <geom type='sdf'/></replicate></replicate></body></worldbody>\
              <contact><pair geom1='h' geom2='{name}'/></contact></mujoco>"
         )
     };
@@ -168,13 +171,13 @@ fn a_pair_with_a_copy_of_a_lost_geom_is_lost() {
     assert_eq!(lenient(&text("0", "")).pairs.len(), 1, "what has no name has no copies either");
     // Where only the pair makes the geom matter, the pair is refused.
     let idle = "contype='0' conaffinity='0' mass='0'";
-    let only = text("g_10", idle).replace("<geom type='hfield'/>", "");
+    let only = text("g_10", idle).replace("<geom type='sdf'/>", "");
     rejects(&only, "1: pair: geom \"g_10\" is not supported (a lenient load leaves the pair out)");
 }
 
 #[test]
 fn sentences_are_capped() {
-    let spec = lenient(&world(&"<geom type='hfield'/>".repeat(1500)));
+    let spec = lenient(&world(&"<geom type='sdf'/>".repeat(1500)));
     assert_eq!((spec.losses.len(), spec.losses[1000].as_str()), (1001, "500 more are not listed"));
 }
 
@@ -226,7 +229,7 @@ fn constraints_and_skins_without_effect_are_notes() {
 #[test]
 fn a_body_without_mass_names_the_geom_that_had_it() {
     let lost = "body \"b\": moves, but has no mass or no inertia: what has it was left out (line 2: geom \"v\")";
-    let geom = "\n<geom name='v' type='hfield'/>";
+    let geom = "\n<geom name='v' type='sdf'/>";
     for content in [geom.to_string(), format!("<body>{geom}</body>"), format!("<frame>{geom}</frame>")] {
         let spec = lenient(&world(&format!("<body name='b'><joint/>{content}</body>")));
         let problem = Model::from_spec(&spec).expect_err("no mass").to_string();
