@@ -1,4 +1,5 @@
-//! A plane and a mesh: the deepest vertex, and others that span what is within reach.
+//! A plane and a mesh: the deepest vertex, and others that span what is within reach. Of other shapes, which collide by formulas, the
+//! deepest point, from which distances are measured.
 
 use glam::DVec3;
 use lanesim_kernels::collision::{Body, Point, Points};
@@ -13,9 +14,9 @@ const EQUAL: f64 = 1e-9;
 /// Adds the points of a mesh within `include` of a plane: the deepest, the one farthest from it, and the farthest on either side
 /// of the line through both; `most` at most.
 pub(super) fn collide(mesh: &Solid<'_>, plane: &Body<f64>, include: f64, most: usize, points: &mut Points<f64>) {
-    let Some(hull) = mesh.hull else { return };
     let (rot, origin) = (plane.rot, DVec3::from_array(plane.pos));
     let normal = DVec3::new(rot[2], rot[5], rot[8]);
+    let Some(hull) = mesh.hull else { return deepest(mesh, (origin, normal), include, points) };
     let (down, shift) = (mesh.local(-normal), normal.dot(mesh.centre - origin));
     let height = |at: DVec3| shift - down.dot(at);
     let deepest = vertex(hull, hull.support(down.to_array()));
@@ -41,6 +42,16 @@ pub(super) fn collide(mesh: &Solid<'_>, plane: &Body<f64>, include: f64, most: u
     for at in &chosen[..count.min(most)] {
         let dist = height(*at);
         let pos = mesh.place(*at) - normal * (0.5 * dist);
+        points.push(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
+    }
+}
+
+/// The deepest point of a shape on a plane.
+fn deepest(solid: &Solid<'_>, (origin, normal): (DVec3, DVec3), include: f64, points: &mut Points<f64>) {
+    let at = solid.support(-normal) - normal * solid.radius;
+    let dist = normal.dot(at - origin);
+    if dist <= include {
+        let pos = at - normal * (0.5 * dist);
         points.push(Point { dist, pos: pos.to_array(), normal: normal.to_array() });
     }
 }

@@ -45,7 +45,7 @@ impl<L: Lane> Step<'_, L> {
     /// Whether a stage is wanted, and the model has it.
     #[inline(always)]
     pub fn runs(&self, stage: Stage) -> bool {
-        self.stages.has(stage) && stage.present(self.model.model)
+        self.stages.run(stage, self.model.model)
     }
 
     /// Ends a stage's span of time.
