@@ -127,6 +127,8 @@ pub struct ElementNames {
     pub geoms: Names,
     /// Sites.
     pub sites: Names,
+    /// Cameras.
+    pub cameras: Names,
     /// Tendons.
     pub tendons: Names,
     /// Equality constraints.

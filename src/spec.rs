@@ -6,6 +6,7 @@
 //! place that rejects one.
 
 mod actuator;
+mod camera;
 mod equality;
 mod heights;
 mod mesh;
@@ -16,11 +17,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use actuator::{Actuator, Bias, Dynamics, Gain, LengthRange, LengthRangeMode, Transmission};
+pub use camera::Camera;
 pub use equality::{Equality, Held};
 pub use heights::HeightField;
 pub use lanesim_kernels::options::Options;
 pub use mesh::{Mesh, MeshInertia, Triangles};
-pub use sensor::{DataType, NeedStage, Object, ObjectKind, Sensor, SensorKind};
+pub use sensor::{
+    ContactField, Contacts, DataType, NeedStage, Object, ObjectKind, RayField, Reduce, Sensor, SensorKind,
+};
 pub use tendon::{Path, Tendon, Waypoint};
 
 /// Where an element was written, for diagnostics. Elements built from code have the default: no file, line 0.
@@ -213,6 +217,8 @@ pub struct Body {
     pub geoms: Vec<Geom>,
     /// Sites, in order.
     pub sites: Vec<Site>,
+    /// Cameras, in order.
+    pub cameras: Vec<Camera>,
     /// The first geom with mass that a lenient load left out, if any: for messages.
     pub lost_mass: Option<String>,
     /// Where it was written.
@@ -233,6 +239,7 @@ impl Default for Body {
             joints: Vec::new(),
             geoms: Vec::new(),
             sites: Vec::new(),
+            cameras: Vec::new(),
             lost_mass: None,
             source: Source::default(),
         }
@@ -437,6 +444,11 @@ pub struct Geom {
     pub group: i32,
     /// Whether the rays of sensors pass through it, as it is not seen: its colour has no opacity.
     pub clear: bool,
+    /// In a medium, coefficients of the drag of blunt, slender and turning ellipsoids, and of the lift of Kutta and of Magnus; without, it counts
+    /// with its body's inertia, unless another geom of the body has some.
+    pub fluid: Option<[f64; 5]>,
+    /// Velocity of its surface against it, and angular velocity about its middle, in its axes.
+    pub surfacevel: [f64; 6],
     /// Sliding, torsional and rolling friction.
     pub friction: [f64; 3],
     /// Weight when parameters of two geoms are mixed.
@@ -472,6 +484,8 @@ impl Default for Geom {
             priority: 0,
             group: 0,
             clear: false,
+            fluid: None,
+            surfacevel: [0.0; 6],
             friction: [1.0, 0.005, 0.0001],
             solmix: 1.0,
             solref: SOLREF,

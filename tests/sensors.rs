@@ -74,8 +74,10 @@ fn sensors_that_cannot_be_are_refused() {
     let refused = |sensor: &str| {
         let xml = format!(
             "<mujoco><worldbody><body name='arm'><joint name='hinge' range='0 1'/><joint name='free hinge'/>\
-             <geom name='ball' size='.1'/><site name='tip'/><body name='hand'><joint name='ball' type='ball'/>\
-             <geom size='.1' pos='1 0 0'/></body></body></worldbody>\n<sensor>{sensor}</sensor></mujoco>"
+             <geom name='ball' size='.1'/><site name='tip'/><camera name='eyes'/>\
+             <camera name='follower' mode='track'/><camera name='dark' resolution='0 3'/><camera name='wide' fovy='180'/>\
+             <camera name='blind' sensorsize='1 1' focal='0 1'/><camera name='vast' resolution='100000 100000'/><body name='hand'><joint name='ball' type='ball'/>\
+             <geom name='palm' size='.1' pos='1 0 0'/></body></body></worldbody>\n<sensor>{sensor}</sensor></mujoco>"
         );
         match Model::from_xml_string(&xml, &LoadOptions::default()) {
             Ok(_) => panic!("{sensor} was accepted"),
@@ -100,8 +102,31 @@ fn sensors_that_cannot_be_are_refused() {
             "<gyro site='tip' nsample='3' delay='.1'/>",
             "histories of sensors (nsample, delay, interval) are not supported",
         ),
-        ("<framepos objtype='camera' objname='eye'/>", "sensors of cameras are not supported"),
-        ("<rangefinder site='tip' data='dist dir'/>", "rangefinders that return more than distances are not supported"),
+        ("<framepos objtype='camera' objname='eye'/>", "unknown camera \"eye\" (did you mean \"eyes\"?)"),
+        ("<framepos objtype='camera' objname='follower'/>", "camera \"follower\" tracks something"),
+        ("<rangefinder camera='dark'/>", "camera \"dark\" has no pixels"),
+        ("<rangefinder camera='wide'/>", "fovy of camera \"wide\" is 180"),
+        ("<rangefinder camera='blind'/>", "camera \"blind\" has no focal length"),
+        ("<rangefinder camera='eyes' site='tip'/>", "both site and camera are given"),
+        ("<rangefinder/>", "attribute \"site\" is missing"),
+        ("<rangefinder site='tip' data='normal dist'/>", "attribute \"data\": \"dist\" is out of order"),
+        ("<rangefinder site='tip' data='dist dist'/>", "\"dist\" is out of order"),
+        ("<rangefinder site='tip' data='dost'/>", "is not one of dist, dir, origin, point, normal, depth"),
+        ("<distance geom1='ball'/>", "attribute \"geom2\" is missing (give geom2 or body2)"),
+        ("<distance geom1='ball' body1='arm' geom2='palm'/>", "both geom1 and body1 are given"),
+        ("<normal geom1='ball' geom2='ball'/>", "both sides have the same geom"),
+        ("<fromto geom1='ball' body2='arm'/>", "both sides have the same geom"),
+        ("<distance geom1='ball' geom2='plam'/>", "unknown geom \"plam\" (did you mean \"palm\"?)"),
+        ("<contact geom1='ball' site='tip'/>", "both geom1 and site are given"),
+        ("<contact body1='leg'/>", "unknown body \"leg\""),
+        ("<contact data='force found'/>", "attribute \"data\": \"found\" is out of order (give each once"),
+        ("<contact data='power'/>", "is not one of found, force, torque, dist"),
+        ("<contact num='0'/>", "attribute \"num\": 0 is not positive"),
+        ("<contact num='2000000' data='force torque'/>", "sensors have 12000000 numbers"),
+        ("<contact reduce='netforce' data='linvel'/>", "a net force has no velocity"),
+        ("<contact reduce='least'/>", "attribute \"reduce\""),
+        ("<camprojection site='tip'/>", "attribute \"camera\" is missing"),
+        ("<rangefinder camera='vast' data='dist dir'/>", "sensors have 40000000000 numbers"),
         ("<tactile geom='ball' mesh='m'/>", "sensors of kind tactile are not supported"),
         ("<gyro site='tip' objtype='site'/>", "unknown attribute \"objtype\""),
         ("<clock name='a'/><clock name='a'/>", "repeated name"),
@@ -145,7 +170,8 @@ fn sensors_built_in_code_are_checked() {
     let about = |kind: ObjectKind, name: &str| Some(Object { kind, name: name.into() });
     let (site, joint) = (about(ObjectKind::Site, "tip"), about(ObjectKind::Joint, "hinge"));
     for kind in SensorKind::ALL.iter().copied().filter(|kind| *kind != SensorKind::User) {
-        let alone = matches!(kind, SensorKind::EPotential | SensorKind::EKinetic | SensorKind::Clock);
+        let alone =
+            matches!(kind, SensorKind::EPotential | SensorKind::EKinetic | SensorKind::Clock | SensorKind::Contact);
         assert_eq!(build(Sensor { kind, ..Sensor::default() }).is_ok(), alone, "{kind:?}");
         let wrong = if kind.tag().starts_with("joint") || kind.tag().starts_with("ball") { &site } else { &joint };
         assert!(build(Sensor { kind, object: wrong.clone(), ..Sensor::default() }).is_err(), "{kind:?}");

@@ -1,5 +1,7 @@
 //! The stages, from top to bottom, and the commit of what follows from them.
 
+use crate::acceleration;
+use crate::actuation;
 use crate::collision::ConvexCollider;
 use crate::constraint::{self, Metric, Motion};
 use crate::derivative;
@@ -80,12 +82,17 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         }
         step.end(Stage::Collision);
     }
+    let findings = if step.model.features.adhesion { adhere(step, findings) } else { findings };
     if step.runs(Stage::Constraint) {
         let idle = step.ws.collision.slots.is_empty() && findings.joint_rows & alive == 0;
         if drivers::constraint::equalities(step, alive, run.executor) == 0 && idle {
             step.ws.constraint.clear();
         } else {
             drivers::constraint::rows(step, alive, run.executor);
+            if !step.model.belts.is_empty() {
+                let Workspace { position, collision, constraint, .. } = &mut *step.ws;
+                constraint::drive(step.model, position, collision, constraint);
+            }
             discretise(step);
         }
         step.end(Stage::Constraint);
@@ -107,7 +114,7 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         run.executor.run(Part::new(Op::Sensor), 0, &mut [], step);
         let Step { model, state, applied, ws, .. } = step;
         let (stages, energy, sensors) = ws.sensing();
-        sensor::measure_rows(*model, state, *applied, (stages, energy), sensors);
+        sensor::measure_rows(*model, state, *applied, run.convex, (stages, energy), sensors);
         step.end(Stage::Sensor);
     }
     solved
@@ -129,6 +136,26 @@ fn in_double<L>(double: &mut Double, run: &Run<'_, L>, count: usize) -> u32 {
     };
     let mut status = BlockStatus { alive: (1 << count) - 1, ..BlockStatus::default() };
     forward(model, state, &mut own, &mut status, workspace).unfinished
+}
+
+/// Once contacts are known, the actuators that act by them, and the smooth acceleration with these.
+fn adhere<L: LaneQuery>(step: &mut Step<'_, L>, mut findings: Findings<u32>) -> Findings<u32> {
+    let (model, accelerates, solves) = (step.model, step.runs(Stage::Acceleration), step.runs(Stage::Solver));
+    if !step.runs(Stage::Actuation) {
+        return findings;
+    }
+    let Workspace { position, tendons, inertia, velocity, passive, actuation, acceleration, collision, .. } =
+        &mut *step.ws;
+    actuation::bodies(model, &step.state.qvel, (position, passive, collision), actuation);
+    if accelerates {
+        acceleration::smooth_force(&model, position, velocity, passive, actuation, step.applied, acceleration);
+        acceleration::smooth_acceleration(model, (position, tendons, inertia), None, acceleration);
+        if solves {
+            findings.wild = L::bits(acceleration::wild(&acceleration.qacc_smooth));
+        }
+    }
+    step.end(Stage::Acceleration);
+    findings
 }
 
 /// Of a discrete step, the rows where it ends.

@@ -137,7 +137,8 @@ pub fn smooth<L: Lane>(
 
 /// Fields that it leaves for others: all, or those that later parts of a step read.
 pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
-    let mut all = match keep {
+    // Actuators on bodies take up again what is found here.
+    let mut all = match keep || model.features.adhesion {
         true => vec!["position", "tendon", "inertia", "velocity", "passive", "actuation", "acceleration", "derivative"],
         false => vec![
             "position.origin",

@@ -125,6 +125,15 @@ impl Stages {
     }
 }
 
+impl Stages {
+    /// Whether a stage of the set, or that one of them needs, is one that the model has.
+    pub fn run<T>(self, stage: Stage, model: &Model<T>) -> bool {
+        // Actuators on bodies act by what touches these.
+        let touching = stage == Stage::Collision && model.features.adhesion && self.has(Stage::Actuation);
+        (self.has(stage) || touching) && stage.present(model)
+    }
+}
+
 impl BitOr for Stages {
     type Output = Stages;
     fn bitor(self, other: Stages) -> Stages {

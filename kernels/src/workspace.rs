@@ -61,6 +61,15 @@ impl<L> Workspace<L> {
         Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
     }
 
+    /// What sensors read.
+    pub fn stages(&self) -> sensor::Stages<'_, L>
+    where
+        L: Lane,
+    {
+        let Workspace { position, tendons, inertia, velocity, actuation, collision, constraint, solver, .. } = self;
+        sensor::Stages { position, tendons, inertia, velocity, actuation, collision, constraint, solver }
+    }
+
     /// What sensors read, and what they write.
     pub fn sensing(&mut self) -> (sensor::Stages<'_, L>, &mut Energy<L>, &mut Sensors<L>)
     where

@@ -32,8 +32,11 @@ SENSORS = {
     "geomfromto": "fromto",
 }  # fmt: skip
 """Tags of sensors that are not called like their type."""
-OBJECTS = {1: "body", 2: "xbody", 3: "joint", 5: "geom", 6: "site", 18: "tendon", 19: "actuator"}
+OBJECTS = {1: "body", 2: "xbody", 3: "joint", 5: "geom", 6: "site", 7: "camera", 18: "tendon", 19: "actuator"}
 STAGES = ("pos", "pos", "vel", "acc")
+CONTACT_FIELDS = ("found", "force", "torque", "dist", "pos", "normal", "tangent", "linvel", "angvel")
+REDUCE = ("none", "mindist", "maxforce", "netforce")
+RAY_FIELDS = ("dist", "dir", "origin", "point", "normal", "depth")
 DATA_TYPES = ("real", "positive", "axis", "quaternion")
 WRAPS = ("", "joint", "pulley", "site", "sphere", "cylinder")
 GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
@@ -166,6 +169,8 @@ class _Writer:
             self._geom(elements[m.geom_bodyid[g]], g)
         for s in range(m.nsite):
             self._site(elements[m.site_bodyid[s]], s)
+        for c in range(m.ncam):
+            self._camera(elements[m.cam_bodyid[c]], c)
 
     def _joint(self, body: Element, j: int) -> None:
         m, kind = self.m, int(self.m.jnt_type[j])
@@ -211,6 +216,7 @@ class _Writer:
             mesh=self._mesh_name(m.geom_dataid[g]) if kind == 7 else None,
             **_copied(m, "geom", g, GEOM),
             fluidshape="ellipsoid" if fluid else None,
+            rgba=m.geom_rgba[g] if m.geom_rgba[g][3] == 0 else None,
             surfacevel=moving if moving.any() else None,
             adhesion=sticky if sticky.any() else None,
         )
@@ -222,6 +228,22 @@ class _Writer:
             name=self.name("site", s),
             type=GEOMS[kind],
             **_copied(m, "site", s, "size pos quat group"),
+        )
+
+    def _camera(self, body: Element, c: int) -> None:
+        m = self.m
+        lens: dict[str, Any] = {"fovy": m.cam_fovy[c]}
+        if m.cam_sensorsize[c].all():
+            focal, principal = m.cam_intrinsic[c][:2], m.cam_intrinsic[c][2:]
+            lens = {"sensorsize": m.cam_sensorsize[c], "focal": focal, "principal": principal}
+        body.add(
+            "camera",
+            name=self.name("camera", c),
+            mode=("fixed", "track", "trackcom", "targetbody", "targetbodycom")[m.cam_mode[c]],
+            projection=("perspective", "orthographic")[m.cam_projection[c]],
+            resolution=m.cam_resolution[c],
+            **_copied(m, "cam", c, "pos quat"),
+            **lens,
         )
 
     def _contacts(self) -> None:
@@ -336,11 +358,15 @@ class _Writer:
         sides = [(m.sensor_objtype, m.sensor_objid), (m.sensor_reftype, m.sensor_refid)]
         objects = [(OBJECTS.get(int(kind[s])), int(number[s])) for kind, number in sides if number[s] >= 0]
         if any(kind is None for kind, _ in objects):
-            return {"camera": "camera"} if tag == "rangefinder" else {}
+            return {}
         named = [(kind, self.name("body" if kind == "xbody" else kind, i)) for kind, i in objects if kind]
         if tag.startswith("frame"):
             prefixed = zip(("obj", "ref"), named)
             return {prefix + what: x for prefix, of in prefixed for what, x in zip(("type", "name"), of)}
+        if tag in ("distance", "normal", "fromto"):
+            return {f"{kind}{side}": name for side, (kind, name) in zip((1, 2), named)}
+        if tag == "contact":
+            return self._contact_sensor(s)
         if tag == "insidesite":
             (kind, name), (_, site) = named
             return {"site": site, "objtype": kind, "objname": name}
@@ -348,10 +374,25 @@ class _Writer:
             about = {"objtype": named[0][0], "objname": named[0][1]} if named else {}
             stage, data = STAGES[int(m.sensor_needstage[s])], DATA_TYPES[int(m.sensor_datatype[s])]
             return {**about, "dim": int(m.sensor_dim[s]), "needstage": stage, "datatype": data}
-        if tag == "rangefinder" and int(m.sensor_dim[s]) != 1:
-            return {"site": named[0][1], "data": "dist point"}
+        about = dict(named)
+        if tag == "rangefinder":
+            bits = int(m.sensor_intprm[s][0])
+            about["data"] = " ".join(field for i, field in enumerate(RAY_FIELDS) if bits >> i & 1)
         history = int(m.sensor_history[s][0]) if hasattr(m, "sensor_history") else 0
-        return {**dict(named), **({"nsample": history} if history else {})}
+        return {**about, **({"nsample": history} if history else {})}
+
+    def _contact_sensor(self, s: int) -> dict[str, Any]:
+        """What a contact sensor matches and returns."""
+        m = self.m
+        bits, reduce, num = (int(x) for x in m.sensor_intprm[s][:3])
+        about: dict[str, Any] = {"reduce": REDUCE[reduce], "num": num}
+        about["data"] = " ".join(field for i, field in enumerate(CONTACT_FIELDS) if bits >> i & 1)
+        for side, types, ids in ((1, m.sensor_objtype, m.sensor_objid), (2, m.sensor_reftype, m.sensor_refid)):
+            kind = OBJECTS.get(int(types[s]))
+            if kind and ids[s] >= 0:
+                name = self.name("body" if kind == "xbody" else kind, int(ids[s]))
+                about["site" if kind == "site" else {"xbody": "subtree"}.get(kind, kind) + str(side)] = name
+        return about
 
     def _tendon(self, tendons: Element, t: int) -> None:
         m = self.m

@@ -25,10 +25,11 @@ use crate::spec::{self, Bias, Gain, Spec, is_limited};
 
 const MINVAL: f64 = 1e-15;
 
-/// What an actuator acts on, in MuJoCo's numbering: a joint, a tendon, or sites.
+/// What an actuator acts on, in MuJoCo's numbering: a joint, a tendon, a body, or sites.
 pub(crate) enum Target {
     Joint(usize),
     Tendon(usize),
+    Body(usize),
     Sites(Vec<usize>),
 }
 
@@ -37,7 +38,7 @@ impl Target {
     pub fn joint(&self) -> Option<usize> {
         match self {
             Target::Joint(joint) => Some(*joint),
-            Target::Tendon(_) | Target::Sites(_) => None,
+            Target::Tendon(_) | Target::Body(_) | Target::Sites(_) => None,
         }
     }
 }
@@ -47,6 +48,9 @@ pub(crate) fn targets(spec: &Spec, names: &ElementNames) -> Vec<Target> {
     let target = |a: &spec::Actuator| match (a.transmission.joint(), a.transmission.tendon()) {
         (Some(name), _) => names.joints.id(name).map(Target::Joint),
         (_, Some(name)) => names.tendons.id(name).map(Target::Tendon),
+        _ if a.transmission.body().is_some() => {
+            a.transmission.body().and_then(|name| names.bodies.id(name)).map(Target::Body)
+        }
         _ => {
             let sites = a.transmission.sites();
             Some(Target::Sites(sites.into_iter().filter_map(|(_, name)| names.sites.id(name)).collect()))
@@ -122,7 +126,7 @@ pub(crate) fn actuators(
         let inherited = match target {
             Target::Joint(joint) => scene.joints[*joint].spec.range,
             Target::Tendon(tendon) => spec.tendons[*tendon].range,
-            Target::Sites(_) => None,
+            Target::Body(_) | Target::Sites(_) => None,
         };
         if let (Some([lo, hi]), true) = (inherited, actuator.inheritrange > 0.0) {
             let (mean, half) = (0.5 * (lo + hi), 0.5 * (hi - lo) * actuator.inheritrange);
@@ -151,6 +155,8 @@ pub(crate) fn actuators(
                 let dofs = tendons.dofs_of(*tendon).iter();
                 dofs.map(|entry| MomentDof { dof: entry.dof, moves: [true, false] }).collect()
             }
+            // Whatever moves may touch it.
+            Target::Body(_) => (0..dofs.len() as u32).map(|dof| MomentDof { dof, moves: [true, false] }).collect(),
             Target::Sites(sites) => {
                 let mounts: Vec<Mount<f64>> = sites.iter().map(|site| mount(scene, links, *site)).collect();
                 let ends = [0, 1].map(|k| mounts.get(k).map_or(NONE, |mount| mount.link));
@@ -253,6 +259,7 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: &Target, joints: &[Jo
         (spec::Transmission::Site { reference: Some(_), .. }, _) => Transmission::Relative,
         (spec::Transmission::Site { .. }, _) => Transmission::Site,
         (spec::Transmission::Tendon(_), _) => Transmission::Tendon,
+        (spec::Transmission::Body(_), _) => Transmission::Body,
         (_, Some((JointKind::Ball, false))) => Transmission::Ball,
         (_, Some((JointKind::Ball, true))) => Transmission::BallInParent,
         (_, Some((JointKind::Free, false))) => Transmission::Free,
@@ -275,6 +282,7 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: &Target, joints: &[Jo
         transmission,
         joint: target.joint().map_or(NONE, |joint| joint as u32),
         tendon: if let Target::Tendon(tendon) = target { *tendon as u32 } else { NONE },
+        body: if let Target::Body(body) = target { *body as u32 } else { NONE },
         qpos: joint.map_or(0, |joint| joint.qpos),
         mounts: Span::default(),
         moments: Span::default(),

@@ -315,9 +315,10 @@ fn actuators(s: &Sources, out: &mut Arrays) {
         Transmission::SliderCrank { .. } => 2,
         Transmission::Tendon(_) => 3,
         Transmission::Site { .. } => 4,
+        Transmission::Body(_) => 5,
     };
     let ids = |target: &Target| match target {
-        Target::Joint(target) | Target::Tendon(target) => [*target as i32, -1],
+        Target::Joint(target) | Target::Tendon(target) | Target::Body(target) => [*target as i32, -1],
         Target::Sites(sites) => [0, 1].map(|k| sites.get(k).map_or(-1, |site| *site as i32)),
     };
     out.ints("actuator_trntype", 0, written.iter().map(|a| kind(&a.transmission)));

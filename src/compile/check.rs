@@ -2,12 +2,14 @@
 
 use std::collections::HashSet;
 
+use lanesim_kernels::options::Integrator;
+
 use super::lengthrange::MOST_STEPS;
 use super::names::{self, label};
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{
-    Actuator, Bias, Body, Dynamics, Gain, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Pair, Path,
-    Shape, Source, Spec, Tendon, Transmission, Tri, Waypoint, is_limited,
+    Actuator, Bias, Body, Dynamics, Gain, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Options, Pair,
+    Path, Shape, Source, Spec, Tendon, Transmission, Tri, Waypoint, is_limited,
 };
 use crate::suggest::did_you_mean;
 use crate::unbuilt::unbuilt;
@@ -117,7 +119,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
     check_options(spec, diagnostics);
     check_compiler(spec, diagnostics);
     let moving = if tree { moving(spec) } else { vec![false; spec.bodies.len()] };
-    let (mut joint, mut geom, mut site) = (0, 0, 0);
+    let (mut joint, mut geom, mut site, mut camera) = (0, 0, 0, 0);
     for (i, body) in spec.bodies.iter().enumerate() {
         check_body(spec, i, body, diagnostics);
         for j in &body.joints {
@@ -126,6 +128,7 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
         }
         for g in &body.geoms {
             check_geom(g, geom, moving[i], diagnostics);
+            check_surface(spec, g, geom, diagnostics);
             geom += 1;
         }
         for s in &body.sites {
@@ -135,11 +138,27 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
             check_size(&mut element, s.shape, &s.size);
             site += 1;
         }
+        for c in &body.cameras {
+            Element::new(label("camera", &c.name, camera), &c.source, diagnostics).pose(&c.pos, &c.quat);
+            camera += 1;
+        }
     }
     check_contact(spec, diagnostics);
     check_actuators(spec, diagnostics);
     check_keys(spec, diagnostics);
     tree
+}
+
+/// Refuses a surface that moves where no number is, or where steps do not know of it.
+fn check_surface(spec: &Spec, geom: &Geom, index: usize, diagnostics: &mut Diagnostics) {
+    let mut element = Element { label: label("geom", &geom.name, index), source: &geom.source, diagnostics };
+    let fluid = geom.fluid.unwrap_or_default();
+    element.finite("fluidcoef", &fluid);
+    let finite = element.finite("surfacevel", &geom.surfacevel);
+    if finite && geom.surfacevel != [0.0; 6] && spec.option.integrator == Integrator::Discrete {
+        let message = "surfacevel, which integrator discrete does not support";
+        element.refuse(message, "set integrator=\"implicitfast\"");
+    }
 }
 
 fn check_tree(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
@@ -452,6 +471,13 @@ fn check_actuators(spec: &Spec, diagnostics: &mut Diagnostics) {
                 element.unknown(message, target, spec.tendons.iter().map(|tendon| tendon.name.as_str()));
             }
         }
+        if let Some(target) = actuator.transmission.body() {
+            let names = || spec.bodies.iter().map(|body| body.name.as_str()).filter(|name| !name.is_empty());
+            if !names().any(|name| name == target) {
+                element.unknown(format!("acts on an unknown body {}", quoted(target)), target, names());
+            }
+            check_on_body(actuator, &spec.option, &mut element);
+        }
         for (attribute, name) in actuator.transmission.sites() {
             if !sites.contains(name) {
                 let message = format!("{attribute} names an unknown site {}", quoted(name));
@@ -459,6 +485,22 @@ fn check_actuators(spec: &Spec, diagnostics: &mut Diagnostics) {
             }
         }
         check_actuator(actuator, (joint, tendon), spec.compiler.autolimits, &mut element);
+    }
+}
+
+/// Refuses what depends on the length and the velocity of an actuator on a body, of which it has none before contacts are known.
+fn check_on_body(a: &Actuator, option: &Options, element: &mut Element) {
+    let follows =
+        a.gain == Gain::Affine && a.gainprm[1..3] != [0.0; 2] || a.bias == Bias::Affine && a.biasprm[1..3] != [0.0; 2];
+    if follows || a.gain == Gain::Muscle || a.bias == Bias::Muscle || a.dynamics == Dynamics::Muscle {
+        let message = "acts on a body, and its force follows length or velocity, which is not supported";
+        element.refuse(message, "give it a fixed gain");
+    }
+    if a.armature != 0.0 || a.damping != [0.0; 3] || a.inheritrange > 0.0 {
+        element.refuse("armature, damping or inheritrange, but it acts on a body", "remove them");
+    }
+    if option.integrator == Integrator::Discrete {
+        element.refuse("acts on a body, which integrator discrete does not support", "set integrator=\"implicitfast\"");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Links: bodies with joints and mocap bodies, and all that is fixed to them.
 
 use glam::DVec3;
-use lanesim_kernels::model::{Body, Fluid, Link, NONE, Span};
+use lanesim_kernels::model::{Body, Ellipsoid, Fluid, Link, NONE, Span};
 use lanesim_kernels::options::Options;
 use lanesim_kernels::passive::fluid::resistance;
 
@@ -9,6 +9,7 @@ use super::inertia::{self, Mass};
 use super::order::Scene;
 use super::pose::{Pose, row_major};
 use crate::model::{Placement, Placements};
+use crate::spec::{self, Shape};
 
 /// The links of a scene, and where everything else is on them.
 pub(crate) struct Links {
@@ -142,6 +143,7 @@ impl Links {
     /// Bodies that move in a medium.
     pub fn fluids(&self, scene: &Scene, options: &Options) -> Vec<Fluid<f64>> {
         const MINVAL: f64 = 1e-15;
+        let boxed = |b: usize| scene.bodies[b].geoms.clone().all(|geom| scene.geoms[geom].spec.fluid.is_none());
         let moving =
             scene.bodies.iter().enumerate().filter(|(b, body)| self.moving(*b) != NONE && body.mass.mass >= MINVAL);
         let fluid = |(b, body): (usize, &super::order::Body)| {
@@ -150,7 +152,27 @@ impl Links {
             let (linear, square) = resistance(body.mass.mass, inertia, options.density, options.viscosity);
             Fluid { link: self.body_link[b], pos: pose.pos.to_array(), rot: row_major(pose.rotation()), linear, square }
         };
-        moving.map(fluid).collect()
+        moving.filter(|(b, _)| boxed(*b)).map(fluid).collect()
+    }
+
+    /// Geoms that move in a medium as ellipsoids.
+    pub fn ellipsoids(&self, scene: &Scene, options: &Options) -> Vec<Ellipsoid<f64>> {
+        const MINVAL: f64 = 1e-15;
+        let moves = |body: usize| self.body_link[body] != NONE && scene.bodies[body].mass.mass >= MINVAL;
+        let ellipsoid = |geom: &super::order::Placed<'_, spec::Geom>| {
+            let coefficients = geom.spec.fluid?;
+            let [a, b, c] = geom.spec.size;
+            let axes = match geom.spec.shape {
+                Shape::Sphere => [a; 3],
+                Shape::Capsule => [a, a, a + b],
+                Shape::Cylinder => [a, a, b],
+                _ => [a, b, c],
+            };
+            let pose = self.body_pose[geom.body].then(&geom.pose);
+            let own = Ellipsoid::new(self.body_link[geom.body], axes, coefficients, options.density, options.viscosity);
+            Some(Ellipsoid { pos: pose.pos.to_array(), rot: row_major(pose.rotation()), ..own })
+        };
+        scene.geoms.iter().filter(|geom| moves(geom.body)).filter_map(ellipsoid).collect()
     }
 
     /// Masses and centres of mass of the bodies that stand still.

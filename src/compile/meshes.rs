@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
 use glam::{DMat3, DQuat, DVec3};
-use lanesim_kernels::model::{HeightField, Hull, NONE};
+use lanesim_kernels::model::{HeightField, Hull, NONE, Surface};
 
 use super::inertia::principal;
 use super::names::label;
@@ -30,6 +30,8 @@ struct Solid {
     bounds: [DVec3; 2],
     /// In that frame, rounded to single precision as MuJoCo does.
     vertices: Vec<DVec3>,
+    /// Its triangles, or those of its hull if it has none.
+    triangles: Triangles,
     maxhullvert: Option<usize>,
 }
 
@@ -132,7 +134,7 @@ impl Solid {
         let vertices: Vec<DVec3> = mesh.triangles.vertices.iter().map(|p| (turn * (*p - refpos)) * scale).collect();
         let mirrored = scale.x * scale.y * scale.z < 0.0;
         let faces = mesh.triangles.faces.iter().map(|[a, b, c]| if mirrored { [*a, *c, *b] } else { [*a, *b, *c] });
-        let own = Triangles { faces: faces.collect(), vertices };
+        let mut own = Triangles { faces: faces.collect(), vertices };
         let hull = || mesh::hull(&own.vertices, None).map_err(|_| NO_HULL.to_string());
         let bulk = if own.faces.is_empty() || mesh.inertia == MeshInertia::Convex {
             mesh::bulk(&hull()?, mesh.inertia)?
@@ -146,14 +148,12 @@ impl Solid {
         let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let bounds = own.vertices.iter().map(centred).fold(start, |[low, high], p| [low.min(p), high.max(p)]);
         let round = |p: &DVec3| centred(p).as_vec3().as_dvec3();
-        Ok(Solid {
-            frame,
-            volume: bulk.volume,
-            moments,
-            bounds,
-            vertices: own.vertices.iter().map(round).collect(),
-            maxhullvert: mesh.maxhullvert,
-        })
+        let vertices = own.vertices.iter().map(round).collect();
+        if own.faces.is_empty() {
+            own = hull()?;
+        }
+        let triangles = Triangles { vertices: own.vertices.iter().map(round).collect(), faces: own.faces };
+        Ok(Solid { frame, volume: bulk.volume, moments, bounds, vertices, triangles, maxhullvert: mesh.maxhullvert })
     }
 
     /// Half sizes of the box of the same inertia.
@@ -195,6 +195,29 @@ fn fit(shape: Shape, [a, b, c]: [f64; 3], aabb: bool) -> [f64; 3] {
         Shape::Capsule => [round, (c - 0.5 * round).max(0.0), 0.0],
         Shape::Cylinder => [round, c, 0.0],
         _ => [a, b, c],
+    }
+}
+
+/// Triangles of the meshes that rays can meet, each once.
+pub(crate) struct Surfaces<'a> {
+    meshes: &'a Meshes,
+    places: HashMap<&'a str, u32>,
+    pub surfaces: Vec<Surface>,
+}
+
+impl<'a> Surfaces<'a> {
+    pub fn new(meshes: &'a Meshes) -> Self {
+        Surfaces { meshes, places: HashMap::new(), surfaces: Vec::new() }
+    }
+
+    /// The place of a geom's triangles, or [`NONE`] if it has none.
+    pub fn of(&mut self, geom: &'a Geom) -> u32 {
+        let Some(solid) = self.meshes.solids.get(&geom.mesh).filter(|_| geom.shape == Shape::Mesh) else { return NONE };
+        *self.places.entry(&geom.mesh).or_insert_with(|| {
+            let vertices = solid.triangles.vertices.iter().map(|vertex| vertex.to_array()).collect();
+            self.surfaces.push(Surface { vertices, faces: solid.triangles.faces.clone() });
+            self.surfaces.len() as u32 - 1
+        })
     }
 }
 

@@ -135,6 +135,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         names: &names,
         limits: &limits,
         mounts: &actuators.mounts,
+        meshes: &meshes,
+        nhull: pairs.hulls.len(),
     };
     let sensors = Sensors::new(&sensors, &mut diagnostics);
     diagnostics.into_result()?;
@@ -149,8 +151,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         dofs,
         levers: Vec::new(),
         blur: Default::default(),
+        belts: belts(&scene, &pairs.geoms),
         geoms: pairs.geoms,
-        hulls: pairs.hulls.into(),
+        hulls: pairs.hulls.into_iter().chain(sensors.hulls).collect(),
         heights: pairs.heights.into(),
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
@@ -163,13 +166,17 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         equalities: equalities.table,
         equality_dofs: equalities.dofs,
         eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
-        fluids: fluids(&spec.option, &links, &scene),
+        fluids: fluids(&spec.option, |options| links.fluids(&scene, options)),
+        ellipsoids: fluids(&spec.option, |options| links.ellipsoids(&scene, options)),
         actuators: actuators.table.clone(),
         mounts: sensors.mounts,
         moment_dofs: actuators.moment_dofs.clone(),
         muscles: Vec::new(),
         sensors: sensors.table,
+        rays: sensors.rays,
         targets: sensors.targets,
+        spaces: sensors.spaces,
+        surfaces: sensors.surfaces.into(),
         rows,
         tiles: Default::default(),
         tree_pattern: Default::default(),
@@ -210,6 +217,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         geom_names: &names.geoms,
         keys: &keys,
     });
+    let nsensordata = tables.sizes.nsensordata;
     Ok(Model::new(Parts {
         name: spec.name.clone(),
         tables,
@@ -217,7 +225,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         placements: links.placements(&scene),
         keys,
         arrays,
-        counts: report::counts(spec, &scene, &links),
+        counts: report::counts(spec, &scene, &links, nsensordata),
         report: Report { notes, losses: spec.losses.clone() },
         basis: Basis {
             still: links.still(&scene),
@@ -289,6 +297,7 @@ fn element_names(spec: &Spec, scene: &Scene) -> ElementNames {
         joints: Names::new(scene.joints.iter().map(|j| j.spec.name.clone()).collect()),
         geoms: Names::new(scene.geoms.iter().map(|g| g.spec.name.clone()).collect()),
         sites: Names::new(scene.sites.iter().map(|s| s.spec.name.clone()).collect()),
+        cameras: Names::new(scene.cameras.iter().map(|c| c.spec.name.clone()).collect()),
         tendons: Names::new(spec.tendons.iter().map(|t| t.name.clone()).collect()),
         equalities: Names::new(spec.equalities.iter().map(|e| e.name.clone()).collect()),
         actuators: Names::new(spec.actuators.iter().map(|a| a.name.clone()).collect()),
@@ -334,6 +343,7 @@ fn sizes(
         ne: equalities.ne,
         nej: equalities.nej,
         nsensordata: sensors.ndata,
+        nsensorkey: sensors.nkey,
         nsensoracc: if measures(SensorKind::of_accelerations) { links.links.len() } else { 0 },
         nsensorquat: if measures(|kind| kind == SensorKind::FrameQuat) || welded { links.links.len() } else { 0 },
         ntendon: tendons.table.len(),
@@ -341,10 +351,19 @@ fn sizes(
     }
 }
 
-/// Bodies in a medium, if there is one and passive forces are on.
-fn fluids(options: &Options, links: &Links, scene: &Scene) -> Vec<kernel::Fluid<f64>> {
+/// The geoms whose surfaces move.
+fn belts(scene: &Scene, geoms: &[kernel::Geom<f64>]) -> Vec<kernel::Belt<f64>> {
+    let belt = |(place, geom): (u32, &kernel::Geom<f64>)| {
+        let velocity = scene.geoms[geom.id as usize].spec.surfacevel;
+        (velocity != [0.0; 6]).then_some(kernel::Belt { geom: place, velocity })
+    };
+    (0..).zip(geoms).filter_map(belt).collect()
+}
+
+/// What is in a medium, if there is one and passive forces are on.
+fn fluids<T>(options: &Options, all: impl Fn(&Options) -> Vec<T>) -> Vec<T> {
     let dense = options.density > 0.0 || options.viscosity > 0.0;
-    if dense && (options.flags.spring || options.flags.damper) { links.fluids(scene, options) } else { Vec::new() }
+    if dense && (options.flags.spring || options.flags.damper) { all(options) } else { Vec::new() }
 }
 
 fn features(
@@ -367,6 +386,7 @@ fn features(
             && (flags.spring || flags.damper)
             && !links.links.is_empty(),
         actuation: flags.actuation && !actuators.table.is_empty(),
+        adhesion: actuators.table.iter().any(|a| a.transmission == kernel::Transmission::Body),
         implicit_damping: damped && flags.damper && flags.eulerdamp && options.integrator == Integrator::Euler,
         articulated: false,
     }

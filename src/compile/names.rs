@@ -45,6 +45,7 @@ pub(crate) fn check_unique(spec: &Spec, diagnostics: &mut Diagnostics) {
     unique("joint", bodies.iter().flat_map(|b| &b.joints).map(|j| (&j.name, &j.source)), diagnostics);
     unique("geom", bodies.iter().flat_map(|b| &b.geoms).map(|g| (&g.name, &g.source)), diagnostics);
     unique("site", bodies.iter().flat_map(|b| &b.sites).map(|s| (&s.name, &s.source)), diagnostics);
+    unique("camera", bodies.iter().flat_map(|b| &b.cameras).map(|c| (&c.name, &c.source)), diagnostics);
     unique("pair", spec.pairs.iter().map(|p| (&p.name, &p.source)), diagnostics);
     unique("exclude", spec.excludes.iter().map(|e| (&e.name, &e.source)), diagnostics);
     unique("tendon", spec.tendons.iter().map(|t| (&t.name, &t.source)), diagnostics);

@@ -51,6 +51,7 @@ pub(crate) struct Scene<'a> {
     pub joints: Vec<Joint<'a>>,
     pub geoms: Vec<Placed<'a, spec::Geom>>,
     pub sites: Vec<Placed<'a, spec::Site>>,
+    pub cameras: Vec<Placed<'a, spec::Camera>>,
     pub nq: usize,
     pub nv: usize,
     pub nmocap: usize,
@@ -84,6 +85,7 @@ struct Draft<'a> {
     flawed: bool,
     geoms: Vec<(&'a spec::Geom, Pose)>,
     sites: Vec<(&'a spec::Site, Pose)>,
+    cameras: Vec<(&'a spec::Camera, Pose)>,
 }
 
 impl<'a> Scene<'a> {
@@ -131,6 +133,7 @@ fn drafts<'a>(spec: &'a Spec, diagnostics: &mut Diagnostics, balanced: &mut List
             flawed: diagnostics.0.len() > before || body.geoms.iter().any(shapeless),
             geoms: body.geoms.iter().map(|g| (g, Pose::new(g.pos, g.quat))).collect(),
             sites: body.sites.iter().map(|s| (s, Pose::new(s.pos, s.quat))).collect(),
+            cameras: body.cameras.iter().map(|c| (c, Pose::new(c.pos, c.quat))).collect(),
         }
     };
     order.iter().map(draft).collect()
@@ -199,6 +202,7 @@ fn fuse<'a>(spec: &'a Spec, drafts: Vec<Draft<'a>>) -> Vec<Draft<'a>> {
         let target = &mut kept[parent];
         target.geoms.extend(draft.geoms.into_iter().map(|(g, p)| (g, pose.then(&p))));
         target.sites.extend(draft.sites.into_iter().map(|(s, p)| (s, pose.then(&p))));
+        target.cameras.extend(draft.cameras.into_iter().map(|(c, p)| (c, pose.then(&p))));
         if parent != 0 {
             let geoms = target.geoms.iter().copied();
             let from_geoms = || inertia::of_geoms(geoms, &spec.compiler);
@@ -233,7 +237,8 @@ fn align(spec: &Spec, drafts: &mut [Draft]) {
         let frame = draft.mass.frame;
         draft.pose = draft.pose.then(&frame);
         draft.mass.frame = Pose::IDENTITY;
-        for pose in draft.geoms.iter_mut().map(|g| &mut g.1).chain(draft.sites.iter_mut().map(|s| &mut s.1)) {
+        let poses = draft.geoms.iter_mut().map(|g| &mut g.1).chain(draft.sites.iter_mut().map(|s| &mut s.1));
+        for pose in poses.chain(draft.cameras.iter_mut().map(|c| &mut c.1)) {
             *pose = frame.inverse_then(pose);
         }
     }
@@ -250,7 +255,9 @@ fn discard(spec: &Spec, drafts: &mut [Draft], notes: &mut Vec<String>) {
         Waypoint::Site(_) | Waypoint::Pulley(_) => None,
     });
     let paired = spec.pairs.iter().flat_map(|p| [p.geom1.as_str(), p.geom2.as_str()]);
-    let named: HashSet<&str> = paired.chain(wrapped).collect();
+    let sensed = spec.sensors.iter().flat_map(|sensor| sensor.object.iter().chain(&sensor.reference));
+    let sensed = sensed.filter(|object| object.kind == ObjectKind::Geom).map(|object| object.name.as_str());
+    let named: HashSet<&str> = paired.chain(wrapped).chain(sensed).collect();
     let mut dropped = 0;
     for draft in drafts {
         let before = draft.geoms.len();
@@ -306,6 +313,7 @@ fn number(drafts: Vec<Draft>) -> Scene {
         joints: Vec::new(),
         geoms: Vec::new(),
         sites: Vec::new(),
+        cameras: Vec::new(),
         nq: 0,
         nv: 0,
         nmocap: 0,
@@ -324,6 +332,8 @@ fn number(drafts: Vec<Draft>) -> Scene {
         scene.geoms.extend(draft.geoms.into_iter().map(place));
         let place = |(spec, written)| Placed { spec, body, pose: settled(written), written };
         scene.sites.extend(draft.sites.into_iter().map(place));
+        let place = |(spec, written)| Placed { spec, body, pose: settled(written), written };
+        scene.cameras.extend(draft.cameras.into_iter().map(place));
         let mocap = draft.spec.mocap.then_some(scene.nmocap);
         scene.nmocap += usize::from(draft.spec.mocap);
         scene.bodies.push(Body {

@@ -87,7 +87,7 @@ fn empty_ranges(spec: &Spec, scene: &Scene) -> List {
 }
 
 /// MuJoCo's counts of elements.
-pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static str, usize)> {
+pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links, nsensordata: usize) -> Vec<(&'static str, usize)> {
     vec![
         ("nq", scene.nq),
         ("nv", scene.nv),
@@ -101,7 +101,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links) -> Vec<(&'static
         ("ntendon", spec.tendons.len()),
         ("neq", spec.equalities.len()),
         ("nsensor", spec.sensors.len()),
-        ("nsensordata", spec.sensors.iter().map(|sensor| sensor.shape().0).sum()),
+        ("nsensordata", nsensordata),
         ("nmocap", scene.nmocap),
         ("nkey", spec.keys.len()),
         ("nexclude", spec.excludes.len()),

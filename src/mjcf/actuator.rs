@@ -5,7 +5,6 @@
 
 use super::reader::Reader;
 use super::report::quoted;
-use super::tree::Element;
 use crate::spec::{Actuator, Bias, Dynamics, Gain, Transmission, Tri, is_limited};
 use crate::suggest::or_list;
 
@@ -20,13 +19,14 @@ pub(super) enum Tag {
     Damper,
     Cylinder,
     Muscle,
+    Adhesion,
     /// A kind that is not supported.
     Other,
 }
 
 impl Tag {
     /// How many there are.
-    pub const COUNT: usize = 9;
+    pub const COUNT: usize = 10;
 
     /// The kind of a tag of the actuator section or of a default; `None` if it is not an actuator.
     pub fn of(tag: &str) -> Option<Tag> {
@@ -39,7 +39,8 @@ impl Tag {
             "damper" => Tag::Damper,
             "cylinder" => Tag::Cylinder,
             "muscle" => Tag::Muscle,
-            "adhesion" | "dcmotor" | "pid" | "orientation" | "plugin" => Tag::Other,
+            "adhesion" => Tag::Adhesion,
+            "dcmotor" | "pid" | "orientation" | "plugin" => Tag::Other,
             _ => return None,
         })
     }
@@ -146,6 +147,7 @@ impl RawActuator {
             Tag::Damper => self.read_damper(donor, reader),
             Tag::Cylinder => self.read_cylinder(donor, reader),
             Tag::Muscle => self.read_muscle(donor, reader),
+            Tag::Adhesion => self.read_adhesion(donor, reader),
             Tag::Other => self.newer = Some(format!("actuators of kind {} are", reader.element.tag)),
         }
     }
@@ -304,6 +306,20 @@ impl RawActuator {
         (self.dynamics, self.dynprm) = (Motion::Of(Dynamics::Filter), dynprm);
     }
 
+    /// A gain alone: the control is a share of the force.
+    fn read_adhesion(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        let mut gain = donor.map_or(1.0, |donor| donor.gainprm[0]);
+        reader.real("gain", &mut gain);
+        if gain < 0.0 {
+            reader.report.error(reader.element, "the gain of adhesion must not be negative", "");
+        }
+        if self.common.ctrlrange.is_some_and(|range| range[0] < 0.0) {
+            reader.report.error(reader.element, "the ctrlrange of adhesion must not be negative", "");
+        }
+        self.common.ctrllimited = Tri::True;
+        self.set(Law::Fixed, &[gain], Law::Zero, &[]);
+    }
+
     /// What a class leaves at the defaults of other actuators has those of muscles.
     fn read_muscle(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
         let neutral = RawActuator::default();
@@ -351,10 +367,7 @@ impl RawActuator {
     }
 
     /// Why the actuator cannot be had.
-    fn missing(&self, element: &Element) -> Option<String> {
-        if element.get("body").is_some() {
-            return Some("transmission through a body is".to_string());
-        }
+    fn missing(&self) -> Option<String> {
         let law = |attribute: &str, law| match law {
             Law::Other(name) => Some(format!("{attribute} \"{name}\" is")),
             _ => None,
@@ -374,7 +387,7 @@ impl RawActuator {
 
     /// The actuator; `None` if it cannot be had, which is reported.
     pub fn finish(self, tag: Tag, reader: &mut Reader) -> Option<Actuator> {
-        if let Some(what) = self.missing(reader.element) {
+        if let Some(what) = self.missing() {
             reader.report.unsupported(reader.element, &what);
             return None;
         }
@@ -390,21 +403,22 @@ impl RawActuator {
             let message = format!("attribute \"actdim\": {dim}, but the actuator has {has}");
             reader.report.error(reader.element, message, "remove it");
         }
-        if tag == Tag::Damper && self.common.ctrlrange.is_none() {
-            reader.report.error(reader.element, "a damper needs a ctrlrange", "");
+        if matches!(tag, Tag::Damper | Tag::Adhesion) && self.common.ctrlrange.is_none() {
+            let what = if tag == Tag::Damper { "a damper" } else { "adhesion" };
+            reader.report.error(reader.element, format!("{what} needs a ctrlrange"), "");
         }
         Some(self.resolve(transmission, reader))
     }
 
     /// What it acts on; `None` if that cannot be told, which is reported.
     fn transmission(&self, reader: &mut Reader) -> Option<Transmission> {
-        const TARGETS: [&str; 5] = ["joint", "jointinparent", "tendon", "site", "cranksite"];
+        const TARGETS: [&str; 6] = ["joint", "jointinparent", "tendon", "site", "cranksite", "body"];
         let element = reader.element;
         let given: Vec<&str> = TARGETS.into_iter().filter(|name| element.get(name).is_some()).collect();
         let target = match given[..] {
             [target] => target,
             [] => {
-                let remedy = "give joint, jointinparent, tendon, site or cranksite";
+                let remedy = "give joint, jointinparent, tendon, site, cranksite or body";
                 reader.report.error(element, "nothing to act on", remedy);
                 return None;
             }
@@ -424,6 +438,7 @@ impl RawActuator {
             "joint" => Transmission::Joint(name()),
             "jointinparent" => Transmission::JointInParent(name()),
             "tendon" => Transmission::Tendon(name()),
+            "body" => Transmission::Body(name()),
             "site" => Transmission::Site { site: name(), reference: element.get("refsite").map(str::to_string) },
             _ => {
                 let Some(slider) = element.get("slidersite").map(str::to_string) else {

@@ -255,6 +255,7 @@ fn prefixed(spec: &mut Spec, prefix: &str) {
     for body in &mut spec.bodies {
         body.joints.iter_mut().for_each(|joint| add(&mut joint.name));
         body.sites.iter_mut().for_each(|site| add(&mut site.name));
+        body.cameras.iter_mut().for_each(|camera| add(&mut camera.name));
         for geom in &mut body.geoms {
             add(&mut geom.name);
             add(&mut geom.mesh);

@@ -67,7 +67,6 @@ pub(super) struct Builder<'a> {
     pub lost_geoms: Vec<String>,
     /// Whether something was left out that has coordinates of its own.
     pub lost_coordinates: bool,
-    pub cameras: usize,
     pub lights: usize,
     pub elements: usize,
 }
@@ -127,7 +126,7 @@ impl Builder<'_> {
             "inertial" => self.inertial(element, scope),
             "geom" => self.geom(index, scope),
             "site" => self.site(element, scope),
-            "camera" => self.cameras += 1,
+            "camera" => self.camera(element, scope),
             "light" => self.lights += 1,
             "plugin" => self.report.unsupported(element, "plugins are"),
             "attach" => self.attach(index, scope),
@@ -173,7 +172,11 @@ impl Builder<'_> {
             self.lost_coordinates = true;
             return;
         };
-        let count = part.bodies.iter().map(|body| 1 + body.joints.len() + body.geoms.len() + body.sites.len()).sum();
+        let count = part
+            .bodies
+            .iter()
+            .map(|body| 1 + body.joints.len() + body.geoms.len() + body.sites.len() + body.cameras.len());
+        let count = count.sum();
         if !self.reserve(element, count) {
             return;
         }
@@ -182,9 +185,11 @@ impl Builder<'_> {
         if let Some(mut content) = bodies.next() {
             content.geoms.iter_mut().for_each(|geom| place(scope.frame, &mut geom.pos, &mut geom.quat));
             content.sites.iter_mut().for_each(|site| place(scope.frame, &mut site.pos, &mut site.quat));
+            content.cameras.iter_mut().for_each(|camera| place(scope.frame, &mut camera.pos, &mut camera.quat));
             let holder = &mut self.bodies[scope.body];
             holder.geoms.append(&mut content.geoms);
             holder.sites.append(&mut content.sites);
+            holder.cameras.append(&mut content.cameras);
         }
         for mut body in bodies {
             if body.parent == 0 {
@@ -342,6 +347,19 @@ impl Builder<'_> {
             site.name = element.get("name").unwrap_or_default().to_string();
             place(scope.frame, &mut site.pos, &mut site.quat);
             self.bodies[scope.body].sites.push(site);
+        }
+    }
+
+    fn camera(&mut self, element: &Element, scope: Scope) {
+        if !self.reserve(element, 1) {
+            return;
+        }
+        let class = self.classes.named(element, "class", scope.class, self.report);
+        let mut raw = self.classes[class].camera.clone();
+        raw.read(&mut Reader::new(element, self.report));
+        if let Some(mut camera) = raw.finish(element, self.angles, self.report) {
+            place(scope.frame, &mut camera.pos, &mut camera.quat);
+            self.bodies[scope.body].cameras.push(camera);
         }
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::actuator::{RawActuator, Tag};
 use super::asset::RawMesh;
+use super::camera::RawCamera;
 use super::contact;
 use super::equality;
 use super::geom::{RawGeom, RawSite};
@@ -26,6 +27,7 @@ pub(super) struct Class {
     pub joint: Joint,
     pub geom: RawGeom,
     pub site: RawSite,
+    pub camera: RawCamera,
     pub mesh: RawMesh,
     pub pair: Pair,
     pub equality: Equality,
@@ -95,6 +97,7 @@ impl Classes {
                 "joint" => joint::read(&mut reader, &mut values.joint),
                 "geom" => values.geom.read(&mut reader),
                 "site" => values.site.read(&mut reader),
+                "camera" => values.camera.read(&mut reader),
                 "mesh" => values.mesh.read(&mut reader),
                 "pair" => contact::read(&mut reader, &mut values.pair),
                 "equality" => equality::read(&mut reader, &mut values.equality),

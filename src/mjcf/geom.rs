@@ -158,9 +158,10 @@ pub(super) struct RawGeom {
     placement: Placement,
     mass: Option<f64>,
     density: f64,
-    /// What it asks for that is not supported, by attribute.
+    /// Whether it is an ellipsoid to a medium, and its coefficients.
     fluid: bool,
-    surfacevel: [f64; 6],
+    fluidcoef: [f64; 5],
+    /// What it asks for that is not supported, by attribute.
     adhesion: f64,
 }
 
@@ -174,7 +175,7 @@ impl Default for RawGeom {
             mass: None,
             density: 1000.0,
             fluid: false,
-            surfacevel: [0.0; 6],
+            fluidcoef: [0.5, 0.25, 1.5, 1.0, 1.0],
             adhesion: 0.0,
         }
     }
@@ -204,8 +205,8 @@ impl RawGeom {
         reader.real("margin", &mut geom.margin);
         reader.real("gap", &mut geom.gap);
         reader.keyword("fluidshape", FLUID, &mut self.fluid);
-        reader.ignored("fluidcoef", 5, true);
-        reader.leading("surfacevel", &mut self.surfacevel);
+        reader.leading("fluidcoef", &mut self.fluidcoef);
+        reader.leading("surfacevel", &mut geom.surfacevel);
         reader.real("adhesion", &mut self.adhesion);
     }
 
@@ -235,11 +236,7 @@ impl RawGeom {
     /// The geom in the coordinates of its frame; `None` if something is wrong, which is reported. Its shape is not
     /// [`missing`](Self::missing).
     pub fn finish(self, element: &Element, angles: &Angles, report: &mut Report) -> Option<Geom> {
-        let features = [
-            (self.fluid, "the ellipsoid fluid model (fluidshape) is"),
-            (self.surfacevel != [0.0; 6], "a surface velocity (surfacevel) is"),
-            (self.adhesion != 0.0, "adhesive contact (adhesion) is"),
-        ];
+        let features = [(self.adhesion != 0.0, "adhesive contact (adhesion) is")];
         for (_, what) in features.iter().filter(|(asked, _)| *asked) {
             report.unsupported(element, what);
         }
@@ -264,7 +261,9 @@ impl RawGeom {
         let Resolved { shape, size, pos, quat } = self.placement.resolve(element, angles, report)?;
         let mass = self.mass.map_or(GeomMass::Density(self.density), GeomMass::Mass);
         let clear = self.placement.rgba[3] == 0.0;
-        Some(Geom { shape, clear, size, mesh, hfield, pos, quat, mass, source: element.source.clone(), ..self.geom })
+        let fluid = self.fluid.then_some(self.fluidcoef);
+        let source = element.source.clone();
+        Some(Geom { shape, clear, fluid, size, mesh, hfield, pos, quat, mass, source, ..self.geom })
     }
 }
 

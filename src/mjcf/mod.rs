@@ -11,6 +11,7 @@ mod actuator;
 mod asset;
 mod attach;
 mod body;
+mod camera;
 mod compiler;
 mod contact;
 mod custom;
@@ -163,7 +164,6 @@ fn read_model(
         decorations: BTreeMap::new(),
         lost_geoms: Vec::new(),
         lost_coordinates,
-        cameras: 0,
         lights: 0,
         elements: 0,
     };
@@ -205,8 +205,14 @@ impl Built {
                 "{count} {geoms} on which no motion depends {are} left out, as {what} not built: {first}"
             ));
         }
-        if builder.cameras + builder.lights > 0 {
-            notes.push(format!("{} cameras and {} lights have no effect", builder.cameras, builder.lights));
+        let sensors: Vec<Sensor> = builder.sensors.into_items().collect();
+        let seen = |name: &str| {
+            let objects = sensors.iter().flat_map(|sensor| sensor.object.iter().chain(&sensor.reference));
+            objects.filter(|object| object.kind == ObjectKind::Camera).any(|object| object.name == name)
+        };
+        let cameras = builder.bodies.iter().flat_map(|body| &body.cameras).filter(|camera| !seen(&camera.name)).count();
+        if cameras + builder.lights > 0 {
+            notes.push(format!("{cameras} cameras and {} lights have no effect", builder.lights));
         }
         Built {
             bodies: builder.bodies,
@@ -215,7 +221,7 @@ impl Built {
             tendons: builder.tendons.into_items().collect(),
             equalities: builder.equalities.into_items().collect(),
             actuators: builder.actuators.into_items().collect(),
-            sensors: builder.sensors.into_items().collect(),
+            sensors,
             meshes: builder.meshes,
             hfields: builder.hfields,
             keys: builder.keys,

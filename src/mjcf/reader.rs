@@ -126,6 +126,20 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// One word of a list of them; says whether it is known.
+    pub fn word<T: Copy>(&mut self, name: &str, text: &str, table: &[(&str, T)], target: &mut T) -> bool {
+        match value::keyword(text, table) {
+            Ok(value) => {
+                *target = value;
+                true
+            }
+            Err(message) => {
+                self.bad(name, &message);
+                false
+            }
+        }
+    }
+
     /// Reports an attribute that is absent or blank; says whether it is there.
     pub fn required(&mut self, name: &str) -> bool {
         let given = self.has_value(name);

@@ -11,6 +11,7 @@ use crate::spec::{
 pub(super) enum Space {
     Body,
     Site,
+    Camera,
     Joint,
     Geom,
     Tendon,
@@ -18,7 +19,7 @@ pub(super) enum Space {
 }
 
 /// Number of kinds.
-const SPACES: usize = 6;
+const SPACES: usize = 7;
 
 /// Names by kind.
 pub(super) type Names<'a> = [HashSet<&'a str>; SPACES];
@@ -34,6 +35,7 @@ pub(super) fn names<'a>(bodies: &'a [Body], content: &'a Body) -> Names<'a> {
     add(Space::Joint, &mut all().flat_map(|body| body.joints.iter().map(|joint| &joint.name)));
     add(Space::Geom, &mut all().flat_map(|body| body.geoms.iter().map(|geom| &geom.name)));
     add(Space::Site, &mut all().flat_map(|body| body.sites.iter().map(|site| &site.name)));
+    add(Space::Camera, &mut all().flat_map(|body| body.cameras.iter().map(|camera| &camera.name)));
     names
 }
 
@@ -109,6 +111,7 @@ impl Refers for Sensor {
             ObjectKind::Joint => Space::Joint,
             ObjectKind::Geom => Space::Geom,
             ObjectKind::Site => Space::Site,
+            ObjectKind::Camera => Space::Camera,
             ObjectKind::Tendon => Space::Tendon,
             ObjectKind::Actuator => Space::Actuator,
         };
@@ -133,6 +136,7 @@ impl Refers for Entry {
             Transmission::Site { site, reference } => all(Space::Site, std::iter::once(site).chain(reference)),
             Transmission::SliderCrank { crank, slider, .. } => all(Space::Site, [crank, slider]),
             Transmission::Tendon(tendon) => all(Space::Tendon, [tendon]),
+            Transmission::Body(body) => all(Space::Body, [body]),
         }
     }
     fn name(&mut self) -> &mut String {

@@ -17,6 +17,7 @@ pub(super) struct Replica {
     bodies: usize,
     geoms: usize,
     sites: usize,
+    cameras: usize,
     lost_geoms: usize,
 }
 
@@ -31,6 +32,7 @@ impl Replica {
             bodies: builder.bodies.len(),
             geoms: holder.geoms.len(),
             sites: holder.sites.len(),
+            cameras: holder.cameras.len(),
             lost_geoms: builder.lost_geoms.len(),
         }
     }
@@ -65,7 +67,8 @@ impl Replica {
         let bodies = builder.bodies.split_off(self.bodies);
         let holder = &mut builder.bodies[self.body];
         let (geoms, sites) = (holder.geoms.split_off(self.geoms), holder.sites.split_off(self.sites));
-        let content = Body { geoms, sites, ..Body::default() };
+        let cameras = holder.cameras.split_off(self.cameras);
+        let content = Body { geoms, sites, cameras, ..Body::default() };
         let mut names = names(&bodies, &content);
         let (pairs, excludes) = (builder.pairs.to(&names), builder.excludes.to(&names));
         let tendons = builder.tendons.to(&names);
@@ -125,9 +128,11 @@ impl Replica {
         rename(&mut copy, suffix);
         copy.geoms.iter_mut().for_each(|geom| place(frame, &mut geom.pos, &mut geom.quat));
         copy.sites.iter_mut().for_each(|site| place(frame, &mut site.pos, &mut site.quat));
+        copy.cameras.iter_mut().for_each(|camera| place(frame, &mut camera.pos, &mut camera.quat));
         let holder = &mut builder.bodies[self.body];
         holder.geoms.append(&mut copy.geoms);
         holder.sites.append(&mut copy.sites);
+        holder.cameras.append(&mut copy.cameras);
     }
 }
 
@@ -137,6 +142,7 @@ fn weight(body: &Body, longer: usize) -> usize {
     let names = names.chain(body.joints.iter().map(|joint| &joint.name));
     let names = names.chain(body.geoms.iter().map(|geom| &geom.name));
     let names = names.chain(body.sites.iter().map(|site| &site.name));
+    let names = names.chain(body.cameras.iter().map(|camera| &camera.name));
     names.map(|name| 1 + (name.len() + longer) / 64).sum()
 }
 
@@ -151,4 +157,5 @@ fn rename(body: &mut Body, suffix: &str) {
     body.joints.iter_mut().for_each(|joint| extend(&mut joint.name, suffix));
     body.geoms.iter_mut().for_each(|geom| extend(&mut geom.name, suffix));
     body.sites.iter_mut().for_each(|site| extend(&mut site.name, suffix));
+    body.cameras.iter_mut().for_each(|camera| extend(&mut camera.name, suffix));
 }

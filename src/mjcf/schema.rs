@@ -65,6 +65,7 @@ const LAW: &str = "active solref solimp";
 const ACTUATOR: &str = "armature cranklength ctrllimited ctrlrange damping delay forcelimited forcerange gear group \
     interp nsample user";
 const TRANSMISSION: &str = "cranksite joint jointinparent lengthrange name class slidersite tendon";
+const ADHESION: &str = "ctrlrange delay forcelimited forcerange gain group interp nsample user";
 const SITES: &str = "refsite site";
 const GENERAL: &str = "actdim actearly actlimited actrange biasprm biastype dynprm dyntype ffrange gainprm gaintype \
     inheritrange input velrange";
@@ -130,7 +131,7 @@ static DEFAULT: Rule = Rule {
         &leaf("damper", &[ACTUATOR, "kv"]),
         &leaf("cylinder", &[ACTUATOR, CYLINDER]),
         &leaf("muscle", &[ACTUATOR, MUSCLE]),
-        &opaque("adhesion"),
+        &leaf("adhesion", &[ADHESION]),
         &opaque("dcmotor"),
         &opaque("pid"),
         &opaque("orientation"),
@@ -247,7 +248,7 @@ static ACTUATORS: Rule = section(
         &leaf("damper", &[ACTUATOR, TRANSMISSION, SITES, "kv"]),
         &leaf("cylinder", &[ACTUATOR, TRANSMISSION, SITES, CYLINDER]),
         &leaf("muscle", &[ACTUATOR, TRANSMISSION, MUSCLE, "tausmooth"]),
-        &opaque("adhesion"),
+        &leaf("adhesion", &["name class body", ADHESION]),
         &opaque("dcmotor"),
         &opaque("pid"),
         &opaque("orientation"),

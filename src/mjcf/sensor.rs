@@ -1,9 +1,11 @@
 //! `sensor`.
 
 use super::reader::Reader;
-use super::report::Report;
+use super::report::{Report, quoted};
 use super::tree::Tree;
-use crate::spec::{DataType, NeedStage, Object, ObjectKind, Sensor, SensorKind};
+use crate::spec::{
+    ContactField, Contacts, DataType, NeedStage, Object, ObjectKind, RayField, Reduce, Sensor, SensorKind,
+};
 
 /// What a kind says of the element that it is about.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -18,6 +20,14 @@ enum Names {
     Frames,
     /// A site, and any with a frame.
     SiteAndFrame,
+    /// A site or a camera.
+    SiteOrCamera,
+    /// A site and a camera.
+    SiteAndCamera,
+    /// A geom or a body on either side.
+    Sides,
+    /// What is on either side of contacts, if anything.
+    Contacts,
     /// Perhaps any.
     Any,
 }
@@ -37,7 +47,8 @@ const KINDS: &[(SensorKind, Names)] = &[
     (SensorKind::Force, SITE),
     (SensorKind::Torque, SITE),
     (SensorKind::Magnetometer, SITE),
-    (SensorKind::Rangefinder, SITE),
+    (SensorKind::Rangefinder, Names::SiteOrCamera),
+    (SensorKind::CamProjection, Names::SiteAndCamera),
     (SensorKind::JointPos, JOINT),
     (SensorKind::JointVel, JOINT),
     (SensorKind::TendonPos, TENDON),
@@ -68,6 +79,10 @@ const KINDS: &[(SensorKind, Names)] = &[
     (SensorKind::SubtreeLinVel, BODY),
     (SensorKind::SubtreeAngMom, BODY),
     (SensorKind::InsideSite, Names::SiteAndFrame),
+    (SensorKind::GeomDist, Names::Sides),
+    (SensorKind::GeomNormal, Names::Sides),
+    (SensorKind::GeomFromTo, Names::Sides),
+    (SensorKind::Contact, Names::Contacts),
     (SensorKind::EPotential, Names::Nothing),
     (SensorKind::EKinetic, Names::Nothing),
     (SensorKind::Clock, Names::Nothing),
@@ -75,8 +90,13 @@ const KINDS: &[(SensorKind, Names)] = &[
 ];
 
 /// Things with a frame.
-const FRAMES: &[(&str, ObjectKind)] =
-    &[("body", ObjectKind::Body), ("xbody", ObjectKind::XBody), ("geom", ObjectKind::Geom), ("site", ObjectKind::Site)];
+const FRAMES: &[(&str, ObjectKind)] = &[
+    ("body", ObjectKind::Body),
+    ("xbody", ObjectKind::XBody),
+    ("geom", ObjectKind::Geom),
+    ("site", ObjectKind::Site),
+    ("camera", ObjectKind::Camera),
+];
 
 /// All that a user's sensor may be about.
 const OBJECTS: &[(&str, ObjectKind)] = &[
@@ -84,6 +104,7 @@ const OBJECTS: &[(&str, ObjectKind)] = &[
     ("xbody", ObjectKind::XBody),
     ("geom", ObjectKind::Geom),
     ("site", ObjectKind::Site),
+    ("camera", ObjectKind::Camera),
     ("joint", ObjectKind::Joint),
     ("tendon", ObjectKind::Tendon),
     ("actuator", ObjectKind::Actuator),
@@ -94,6 +115,13 @@ const DATA_TYPES: &[(&str, DataType)] = &[
     ("positive", DataType::Positive),
     ("axis", DataType::Axis),
     ("quaternion", DataType::Quaternion),
+];
+/// Words of `reduce`.
+const REDUCE: &[(&str, Reduce)] = &[
+    ("none", Reduce::None),
+    ("mindist", Reduce::MinDist),
+    ("maxforce", Reduce::MaxForce),
+    ("netforce", Reduce::NetForce),
 ];
 const STAGES: &[(&str, NeedStage)] = &[("pos", NeedStage::Pos), ("vel", NeedStage::Vel), ("acc", NeedStage::Acc)];
 
@@ -123,22 +151,41 @@ fn read(kind: SensorKind, names: Names, reader: &mut Reader) -> Option<Sensor> {
     let complete = match names {
         Names::Nothing => true,
         Names::One(of, attribute) => {
-            if kind == SensorKind::Rangefinder && of_camera(reader) {
-                return None;
-            }
             let given = reader.required(attribute);
             sensor.object = Some(Object { kind: of, name: reader.text(attribute) });
             given
         }
-        Names::Frame => frame(reader, "obj", &mut sensor.object)?,
+        Names::Frame => frame(reader, "obj", &mut sensor.object),
         Names::Frames => {
-            let given = frame(reader, "obj", &mut sensor.object)?;
+            let given = frame(reader, "obj", &mut sensor.object);
             let referred = !reader.has_value("reftype") && !reader.has_value("refname");
-            given & (referred || frame(reader, "ref", &mut sensor.reference)?)
+            given & (referred || frame(reader, "ref", &mut sensor.reference))
         }
         Names::SiteAndFrame => {
             sensor.reference = Some(Object { kind: ObjectKind::Site, name: reader.text("site") });
-            reader.required("site") & frame(reader, "obj", &mut sensor.object)?
+            reader.required("site") & frame(reader, "obj", &mut sensor.object)
+        }
+        Names::SiteOrCamera => {
+            fields(reader, RayField::ALL, &mut sensor.fields);
+            let choices: &[Choice] = &[(ObjectKind::Site, "site"), (ObjectKind::Camera, "camera")];
+            sensor.object = one_of(reader, choices);
+            side_given(reader, &sensor.object, choices)
+        }
+        Names::SiteAndCamera => {
+            sensor.object = Some(Object { kind: ObjectKind::Site, name: reader.text("site") });
+            sensor.reference = Some(Object { kind: ObjectKind::Camera, name: reader.text("camera") });
+            reader.required("site") & reader.required("camera")
+        }
+        Names::Sides => {
+            const SIDES: [&[Choice]; 2] = [&[GEOMS[0], BODIES[0]], &[GEOMS[1], BODIES[1]]];
+            sensor.object = one_of(reader, SIDES[0]);
+            sensor.reference = one_of(reader, SIDES[1]);
+            side_given(reader, &sensor.object, SIDES[0]) & side_given(reader, &sensor.reference, SIDES[1])
+        }
+        Names::Contacts => {
+            sensor.object = one_of(reader, &[GEOMS[0], BODIES[0], SUBTREES[0], (ObjectKind::Site, "site")]);
+            sensor.reference = one_of(reader, &[GEOMS[1], BODIES[1], SUBTREES[1]]);
+            contacts(reader, &mut sensor.contacts)
         }
         Names::Any => user(reader, &mut sensor),
     };
@@ -154,32 +201,79 @@ fn delayed(reader: &mut Reader) -> bool {
     samples != 0 || delay != 0.0 || interval[0] != 0.0
 }
 
-/// Whether a rangefinder is one of a camera, or returns other things than distances, which is reported.
-fn of_camera(reader: &mut Reader) -> bool {
-    let what = if reader.has_value("camera") {
-        "rangefinders of cameras are"
-    } else if reader.element.get("data").is_some_and(|data| data.split_ascii_whitespace().ne(["dist"])) {
-        "rangefinders that return more than distances are"
-    } else {
-        return false;
-    };
-    reader.report.unsupported(reader.element, what);
+/// A kind of element, and the attribute that names it.
+type Choice = (ObjectKind, &'static str);
+
+const GEOMS: [Choice; 2] = [(ObjectKind::Geom, "geom1"), (ObjectKind::Geom, "geom2")];
+const BODIES: [Choice; 2] = [(ObjectKind::Body, "body1"), (ObjectKind::Body, "body2")];
+const SUBTREES: [Choice; 2] = [(ObjectKind::XBody, "subtree1"), (ObjectKind::XBody, "subtree2")];
+
+/// What one of several attributes names; two are reported.
+fn one_of(reader: &mut Reader, choices: &[Choice]) -> Option<Object> {
+    let given: Vec<&Choice> = choices.iter().filter(|(_, attribute)| reader.has_value(attribute)).collect();
+    if let [(_, first), (_, second), ..] = given[..] {
+        reader.report.error(reader.element, format!("both {first} and {second} are given"), "keep one");
+    }
+    given.first().map(|(kind, attribute)| Object { kind: *kind, name: reader.text(attribute) })
+}
+
+/// Whether one of several attributes is there; reported if not.
+fn side_given(reader: &mut Reader, side: &Option<Object>, choices: &[Choice]) -> bool {
+    if side.is_none() {
+        let names: Vec<&str> = choices.iter().map(|(_, attribute)| *attribute).collect();
+        reader.report.error(
+            reader.element,
+            format!("attribute {} is missing", quoted(names[0])),
+            format!("give {}", names.join(" or ")),
+        );
+    }
+    side.is_some()
+}
+
+/// What a contact sensor returns of which contacts.
+fn contacts(reader: &mut Reader, contacts: &mut Contacts) -> bool {
+    fields(reader, ContactField::ALL, &mut contacts.fields);
+    reader.keyword("reduce", REDUCE, &mut contacts.reduce);
+    let mut num = 1;
+    reader.integer("num", &mut num);
+    if num < 1 {
+        reader.report.error(reader.element, format!("attribute \"num\": {num} is not positive"), "give 1 or more");
+    }
+    contacts.num = usize::try_from(num).unwrap_or(0);
     true
 }
 
-/// An element with a frame, by the attributes `objtype` and `objname` or `reftype` and `refname`; `None`: it is a camera, which is
-/// reported.
-fn frame(reader: &mut Reader, prefix: &str, object: &mut Option<Object>) -> Option<bool> {
+/// What is returned of each ray or contact, in the one order that there is.
+fn fields<T: Copy>(reader: &mut Reader, table: &[(&str, T)], fields: &mut Vec<T>) {
+    let mut next = 0;
+    for word in reader.element.get("data").unwrap_or_default().split_ascii_whitespace() {
+        let places: Vec<(&str, usize)> = table.iter().enumerate().map(|(i, (word, _))| (*word, i)).collect();
+        let mut place = 0;
+        if !reader.word("data", word, &places, &mut place) {
+            continue;
+        }
+        if place < next {
+            let message = format!("attribute \"data\": {} is out of order", quoted(word));
+            let words: Vec<&str> = table.iter().map(|(word, _)| *word).collect();
+            reader.report.error(
+                reader.element,
+                message,
+                format!("give each once, in this order: {}", words.join(", ")),
+            );
+        }
+        next = place + 1;
+        fields.push(table[place].1);
+    }
+}
+
+/// An element with a frame, by the attributes `objtype` and `objname` or `reftype` and `refname`; says whether both are given.
+fn frame(reader: &mut Reader, prefix: &str, object: &mut Option<Object>) -> bool {
     let [kind, name] = ["type", "name"].map(|attribute| format!("{prefix}{attribute}"));
     let complete = reader.required(&kind) & reader.required(&name);
-    if reader.element.get(&kind) == Some("camera") {
-        reader.report.unsupported(reader.element, "sensors of cameras are");
-        return None;
-    }
     let mut of = ObjectKind::Site;
     reader.keyword(&kind, FRAMES, &mut of);
     *object = Some(Object { kind: of, name: reader.text(&name) });
-    Some(complete)
+    complete
 }
 
 /// What only a user's sensor has.

@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Equality, EqualityKind, Instance, NONE, Quantity};
 use lanesim_kernels::options::Integrator;
+use lanesim_kernels::sensor;
 
 use super::frames::{self, Poses};
 use super::{World, contacts};
@@ -111,7 +112,7 @@ fn needed<L: LaneQuery>(world: World<'_, L>, at: &[DVec3], accelerations: &[Spat
     (0..bodies.len()).map(force).collect()
 }
 
-/// Forces on bodies from outside and from constraints between points, contacts among them.
+/// Forces on bodies from outside, from constraints between points, contacts among them, and from spatial tendons.
 fn from_outside<L: LaneQuery>(world: World<'_, L>, at: &[DVec3], poses: &mut Poses) -> Vec<Spatial> {
     let mut forces = vec![[DVec3::ZERO; 2]; at.len()];
     let inertials = &world.model.placements().inertials;
@@ -140,6 +141,12 @@ fn from_outside<L: LaneQuery>(world: World<'_, L>, at: &[DVec3], poses: &mut Pos
             add(&mut forces[b], moved([torque, force], place, at[b]), sign);
         }
     }
+    let instance = Instance { model: world.tables, varied: world.block.varied.as_deref() };
+    sensor::pushes(instance, &world.workspace.stages(), |push| {
+        let (b, wrench) = (push.body as usize, [world.vector(&push.wrench[..3]), world.vector(&push.wrench[3..])]);
+        let origin = if push.link == NONE { DVec3::ZERO } else { frames::origin(world, push.link) };
+        add(&mut forces[b], moved(wrench, origin, at[b]), 1.0);
+    });
     // Nothing is asked of the world.
     forces[0] = [DVec3::ZERO; 2];
     forces

@@ -235,15 +235,8 @@ impl Output {
         fixed.then(|| shape.iter().product())
     }
 
-    /// An error if it is of an element that the model does not have, or if it would have to count forces that are not known by body.
+    /// An error if it is of an element that the model does not have.
     pub(crate) fn check(&self, model: &Model) -> Result<(), Error> {
-        let name = self.entry().name;
-        if matches!(name, "cfrc_ext" | "cfrc_int") && model.tables().tendons.iter().any(|tendon| !tendon.fixed()) {
-            return Err(Error::Unknown(format!(
-                "{name} of a model with spatial tendons is not supported: their forces on bodies are not known; \
-                 qfrc_passive, qfrc_actuator and qfrc_constraint have what they do to joints"
-            )));
-        }
         self.point.map_or(Ok(()), |point| point.check(model))
     }
 

@@ -259,6 +259,7 @@ impl Parameter {
             Parameter::ActuatorBiasprm => i % PRM < 3 && kind("actuator_biastype") == AFFINE,
             Parameter::ActuatorGear => match model.tables().actuators[i / 6].transmission {
                 Transmission::Scalar | Transmission::Tendon | Transmission::SliderCrank => i.is_multiple_of(6),
+                Transmission::Body => false,
                 Transmission::Ball | Transmission::BallInParent => i % 6 < 3,
                 Transmission::Free | Transmission::FreeInParent | Transmission::Site | Transmission::Relative => true,
             },

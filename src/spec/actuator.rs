@@ -11,6 +11,8 @@ pub enum Transmission {
     JointInParent(String),
     /// A tendon.
     Tendon(String),
+    /// A body, towards which it pulls what touches it.
+    Body(String),
     /// A site: force and torque in its axes; with a second, in that one's, and lengths are measured from it.
     Site {
         /// Its name.
@@ -34,7 +36,7 @@ impl Transmission {
     pub fn joint(&self) -> Option<&str> {
         match self {
             Transmission::Joint(name) | Transmission::JointInParent(name) => Some(name),
-            Transmission::Tendon(_) | Transmission::Site { .. } | Transmission::SliderCrank { .. } => None,
+            _ => None,
         }
     }
 
@@ -43,15 +45,20 @@ impl Transmission {
         if let Transmission::Tendon(name) = self { Some(name) } else { None }
     }
 
+    /// The body that it acts on, if it does.
+    pub fn body(&self) -> Option<&str> {
+        if let Transmission::Body(name) = self { Some(name) } else { None }
+    }
+
     /// The sites that it acts on, with the attributes that name them.
     pub(crate) fn sites(&self) -> Vec<(&'static str, &str)> {
         match self {
-            Transmission::Joint(_) | Transmission::JointInParent(_) | Transmission::Tendon(_) => Vec::new(),
             Transmission::Site { site, reference } => {
                 let second = reference.iter().map(|name| ("refsite", name.as_str()));
                 std::iter::once(("site", site.as_str())).chain(second).collect()
             }
             Transmission::SliderCrank { crank, slider, .. } => vec![("cranksite", crank), ("slidersite", slider)],
+            _ => Vec::new(),
         }
     }
 }

@@ -18,8 +18,11 @@ pub fn repository(path: &str) -> PathBuf {
 }
 
 /// Models that the integrator `discrete` refuses: see `what_discrete_steps_refuse` in tests/steps.rs.
-pub const NOT_DISCRETE: [&str; 7] = [
+pub const NOT_DISCRETE: [&str; 10] = [
     "unit/fluid",
+    "unit/fluid_ellipsoid",
+    "unit/adhesion",
+    "unit/surfacevel",
     "unit/actuator_across",
     "unit/tendon_armature",
     "unit/tendon_fixed",

@@ -1,7 +1,10 @@
 //! Actuators: length, velocity and force, and the generalised forces that they make.
 
+mod body;
 mod muscle;
 mod transmission;
+
+pub use body::bodies;
 
 use crate::fields::fields;
 use crate::lane::{Lane, Mask, Real};
@@ -87,9 +90,21 @@ pub fn actuation<L: Lane>(
         }
         let input = nearest(model, a, input, length);
         actuation.input[a] = input;
+        if actuator.transmission == Transmission::Body {
+            // Its contacts are not known yet.
+            actuation.force[a] = L::zero();
+            continue;
+        }
         actuation.force[a] = force(model, a, input, length, velocity);
     }
     bound_by_tendons(&model, actuation);
+    gather(&model, passive, actuation);
+    !good
+}
+
+/// The generalised forces, from moments and forces.
+fn gather<L: Lane>(model: &Model<L::Real>, passive: &Passive<L>, actuation: &mut Actuation<L>) {
+    actuation.qfrc_actuator.fill(L::zero());
     for (a, actuator) in model.actuators.iter().enumerate().filter(|(_, actuator)| !actuator.disabled) {
         let Actuation { force, moment, qfrc_actuator, .. } = &mut *actuation;
         if actuator.force_limited {
@@ -101,11 +116,10 @@ pub fn actuation<L: Lane>(
             *out = moment.mul_add(force[a], *out);
         }
     }
-    for (t, _) in bounding(&model) {
-        actuation.total[t] = total(&model, t, &actuation.force);
+    for (t, _) in bounding(model) {
+        actuation.total[t] = total(model, t, &actuation.force);
     }
-    route_to_joints(&model, passive, &mut actuation.qfrc_actuator);
-    !good
+    route_to_joints(model, passive, &mut actuation.qfrc_actuator);
 }
 
 /// The lanes in which all controls are usable numbers.

@@ -31,6 +31,10 @@ pub(super) fn transmit<L: Lane>(
         }
         Transmission::Site => site(model, actuator, &gear, position, moment),
         Transmission::Relative => relative(model, actuator, &gear, configuration, position, moment),
+        Transmission::Body => {
+            moment.fill(L::zero());
+            L::zero()
+        }
         Transmission::SliderCrank => slider_crank(model, actuator, gear[0], position, moment),
         _ => joint(actuator, &gear, &configuration.qpos[actuator.qpos as usize..], moment),
     }

@@ -27,7 +27,8 @@ pub use pair::{in_lanes, narrow, narrow_parallel};
 pub use single::{MOST_OF_FIELD, Point, Points};
 pub use way::{blur, levers, way};
 
-use body::{Candidate, body};
+pub(crate) use body::Candidate;
+pub use body::body;
 use broad::Broad;
 
 use crate::fields::fields;
@@ -295,6 +296,21 @@ impl<L: LaneQuery> Collision<L> {
         }
         overflow
     }
+}
+
+/// Calls `found` with points of two convex shapes, among them the nearest, of the worlds in which it is not farther than `include`.
+pub(crate) fn nearest<L: LaneQuery>(
+    convex: &dyn ConvexCollider,
+    outlines: [Outline<'_>; 2],
+    [a, b]: &[Body<L>; 2],
+    include: L::Real,
+    found: &mut dyn FnMut(&Candidate<L>, L::Mask),
+) {
+    let everywhere = L::Mask::splat(true);
+    let collide = |_, [a, b]: [&_; 2], points: &mut single::Points<L::Real, 1>| {
+        single::convex(convex, outlines, (a, b), include, 1, points);
+    };
+    single::each(a, b, everywhere, collide, &mut |_, candidate, mask| found(&candidate, mask));
 }
 
 /// The shapes of a pair.

@@ -8,17 +8,19 @@
 //! relative to another of the same tree: its Jacobian is ± w·cdof for every dof that moves the one and not the other. Where
 //! both sides move it is stored over those dofs, for the Hessian, and for contacts between trees, which have no such vector.
 
+mod belt;
 mod contacts;
 mod discrete;
 mod dof_rows;
 mod equality;
 mod impedance;
 
+pub use belt::drive;
 pub(crate) use contacts::grow;
 pub use contacts::{Classes, Motion, Numbers, cone, first_dof, kinds, measure, rows_of_pairs};
 pub use discrete::{Metric, discretise, held};
 pub use dof_rows::{Measured, all_dof_rows, dof_lanes, joint_rows};
-pub use equality::{Equalities, equality_rows};
+pub use equality::{Equalities, equality_rows, slope};
 pub use impedance::impedance;
 
 use crate::lane::Lane;

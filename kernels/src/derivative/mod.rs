@@ -16,7 +16,7 @@ use crate::lane::Lane;
 use crate::math::{ldl, lu};
 use crate::model::{DofKind, Instance, Model, NONE};
 use crate::options::Integrator;
-use crate::passive::{damper_slope, fluid, tendon_damper_slope};
+use crate::passive::{damper_slope, ellipsoid, fluid, tendon_damper_slope};
 use crate::position::Position;
 use crate::state::State;
 use crate::tendon::{self, Tendons};
@@ -117,6 +117,10 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
     let Derivative { lower, upper, turn, gain, .. } = out;
     if !upper.is_empty() {
         upper.copy_from_slice(lower);
+    }
+    for tree in trees(&model) {
+        let motion = (stages.position, stages.velocity);
+        ellipsoid::add_slope(&model, motion, (tree.links, tree.skew), h, (lower, upper));
     }
     for tree in trees(&model).filter(|tree| tree.skew) {
         bias::add(&model, &tree, &state.qvel, stages, h, bias::Target { lower, upper, turn, gain });

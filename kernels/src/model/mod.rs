@@ -20,7 +20,7 @@ pub use cast::{Cast, Representable};
 pub use heights::HeightField;
 pub use hull::{Hull, HullFace};
 pub use pattern::{Pattern, Rows};
-pub use sensors::{Bound, Sensor, SensorKind, Target};
+pub use sensors::{Bound, ContactField, Ray, RayField, Reduce, Sensor, SensorKind, Side, Surface, Target};
 pub use tables::*;
 pub use tendon::{Passes, Round, Stretch, StretchDof, Tendon, TendonDof};
 pub use tiles::{LONGEST, Patch, Tiles};
@@ -100,6 +100,8 @@ pub struct Sizes {
     pub nej: usize,
     /// Numbers of all sensors.
     pub nsensordata: usize,
+    /// Places of the contact sensor with most.
+    pub nsensorkey: usize,
     /// Links of a model whose sensors measure accelerations, else 0.
     pub nsensoracc: usize,
     /// Links of a model whose sensors measure orientations, or torques beside welds, else 0.
@@ -140,6 +142,8 @@ pub struct Features {
     pub fluid: bool,
     /// There are actuators and actuation is on.
     pub actuation: bool,
+    /// Some actuator acts on a body, by what touches it.
+    pub adhesion: bool,
     /// Euler integrates dampers implicitly: some dof is damped, and the flags `damper` and `eulerdamp` are on.
     pub implicit_damping: bool,
     /// Accelerations are found by articulated bodies, without the inertia matrix.
@@ -190,12 +194,16 @@ pub struct Model<T> {
     pub hulls: Arc<[Hull]>,
     /// Height fields among them.
     pub heights: Arc<[HeightField]>,
+    /// Those of them whose surfaces move.
+    pub belts: Vec<Belt<T>>,
     /// Pairs of geoms.
     pub pairs: Vec<Pair<T>>,
     /// Degrees of freedom of pairs.
     pub pair_dofs: Vec<PairDof>,
     /// Bodies in a medium; empty if there is none, or passive forces are off.
     pub fluids: Vec<Fluid<T>>,
+    /// Geoms in it, in place of their bodies.
+    pub ellipsoids: Vec<Ellipsoid<T>>,
     /// Tendons, in MJCF order.
     pub tendons: Vec<Tendon<T>>,
     /// Degrees of freedom of tendons.
@@ -224,8 +232,14 @@ pub struct Model<T> {
     pub muscles: Vec<Muscle<T>>,
     /// Sensors.
     pub sensors: Vec<Sensor<T>>,
-    /// Geoms that their rays can meet; none if there are no rays.
+    /// Their rays.
+    pub rays: Vec<Ray<T>>,
+    /// Geoms that these can meet, and those whose distances are measured.
     pub targets: Vec<Target<T>>,
+    /// Pairs of those whose distances are measured.
+    pub spaces: Vec<[u32; 2]>,
+    /// The meshes among those.
+    pub surfaces: Arc<[Surface]>,
     /// Storage of the inertia matrix and of the solver's Hessian.
     pub rows: Rows,
     /// Storage of the Hessian where trees touch.
@@ -250,6 +264,14 @@ impl Features {
 }
 
 impl<T> Model<T> {
+    /// Whether a sensor is found apart from those that follow from states, motions and actuators alone: its numbers follow from
+    /// rows, from a search, or from so many triangles that they are no straight line.
+    pub fn apart(&self, sensor: &Sensor<T>) -> bool {
+        sensor.kind.of_rows()
+            || sensor.kind.of_space()
+            || (sensor.kind == SensorKind::Rangefinder && !self.surfaces.is_empty())
+    }
+
     /// Whether there can be constraint rows.
     pub fn constrained(&self) -> bool {
         !self.pairs.is_empty()
@@ -291,9 +313,11 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             geoms: self.geoms.cast(),
             hulls: self.hulls.clone(),
             heights: self.heights.clone(),
+            belts: self.belts.cast(),
             pairs: self.pairs.cast(),
             pair_dofs: self.pair_dofs.clone(),
             fluids: self.fluids.cast(),
+            ellipsoids: self.ellipsoids.cast(),
             tendons: self.tendons.cast(),
             tendon_dofs: self.tendon_dofs.cast(),
             stretches: self.stretches.cast(),
@@ -308,7 +332,10 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             moment_dofs: self.moment_dofs.clone(),
             muscles: self.muscles.cast(),
             sensors: self.sensors.cast(),
+            rays: self.rays.cast(),
             targets: self.targets.cast(),
+            spaces: self.spaces.clone(),
+            surfaces: self.surfaces.clone(),
             rows: self.rows.clone(),
             tiles: self.tiles.clone(),
             tree_pattern: self.tree_pattern.clone(),

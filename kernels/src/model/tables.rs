@@ -503,6 +503,48 @@ table! {
     } T
 }
 
+table! {
+    /// A geom whose surface moves.
+    pub struct Belt {
+        /// Its place among [`Model::geoms`](super::Model::geoms).
+        pub geom: u32,
+        real:
+        /// Velocity and angular velocity about its middle, its axes.
+        pub velocity: [T; 6],
+    } T
+}
+
+table! {
+    /// A geom in a medium, taken for an ellipsoid.
+    pub struct Ellipsoid {
+        /// Link that carries it.
+        pub link: u32,
+        real:
+        /// Its middle in the link's frame.
+        pub pos: [T; 3],
+        /// Orientation of its axes in the link's frame, row-major.
+        pub rot: [T; 9],
+        /// By axis, the square of the product of the other two semiaxes.
+        pub areas: [T; 3],
+        /// Mass of what it carries along by axis, and moment of inertia of what it spins with it.
+        pub carried: [T; 3],
+        /// That moment.
+        pub spun: [T; 3],
+        /// What about each axis makes resistance to turning grow with the angular velocity.
+        pub stirred: [T; 3],
+        /// Resistance that grows with the speed: torque by angular velocity, force by velocity.
+        pub linear: [T; 2],
+        /// What drag grows by with the speed: with the shadow's area over π, and by itself.
+        pub blunt: T,
+        /// The latter.
+        pub slender: T,
+        /// Lift of Kutta.
+        pub kutta: T,
+        /// Lift of Magnus.
+        pub magnus: T,
+    } T
+}
+
 /// What an actuator acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transmission {
@@ -524,6 +566,8 @@ pub enum Transmission {
     Tendon,
     /// A slide along the second site's z axis, on a crank's end at the first by a rod of [`Actuator::rod`].
     SliderCrank,
+    /// A body: what touches it is pulled towards it.
+    Body,
 }
 
 table! {
@@ -599,6 +643,8 @@ table! {
         pub joint: u32,
         /// Tendon, or [`NONE`].
         pub tendon: u32,
+        /// MJCF body, or [`NONE`].
+        pub body: u32,
         /// First position of the joint.
         pub qpos: u32,
         /// Its frames: of a site one, of two sites two, in [`Model::mounts`].

@@ -85,6 +85,8 @@ table! {
     pub struct Stretch {
         /// Links of the two sites and of what it may wrap; [`NONE`](super::NONE): it stands still, or there is none.
         pub links: [u32; 3],
+        /// MJCF bodies of the same; [`NONE`](super::NONE): there is nothing to wrap.
+        pub bodies: [u32; 3],
         /// What it may wrap.
         pub round: Option<Round>,
         /// Where it passes that.

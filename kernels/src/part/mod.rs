@@ -132,7 +132,7 @@ parts! {
     Smooth: "smooth", Acceleration, Family::Options(4), 0 => 5, shared [], changes [],
         |_, step, _, (_, put)| {
             let Step { model, state, applied, ws, stages, clock } = step;
-            let runs = |stage: Stage| stages.has(stage) && stage.present(model.model);
+            let runs = |stage: Stage| stages.run(stage, model.model);
             let mut end = |stage| clock.iter_mut().for_each(|clock| clock.end(stage));
             let found = smooth::smooth(*model, state, *applied, &runs, ws.smooth(), &mut end);
             <[_; 5]>::from(found).into_iter().for_each(put);

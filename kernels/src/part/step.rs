@@ -46,7 +46,7 @@ impl<L: Lane> Step<'_, L> {
     /// Whether a stage is wanted, and the model has it.
     #[inline(always)]
     pub fn runs(&self, stage: Stage) -> bool {
-        self.stages.has(stage) && stage.present(self.model.model)
+        self.stages.run(stage, self.model.model)
     }
 
     /// Ends a stage's span of time.
@@ -190,8 +190,8 @@ impl<F> Lender<'_, F> {
     where
         F: FnMut(usize, Name, Lanes<'b, L>),
     {
-        if self.place.is_multiple_of(3) {
-            self.wanted = self.set.has(self.group, self.place / 3);
+        if self.place.is_multiple_of(self.group.run()) {
+            self.wanted = self.set.has(self.group, self.place / self.group.run());
         }
         if self.wanted {
             (self.f)(const { FIRSTS }[self.group as usize][0] + self.place, [self.group.stage(), name], lanes);
@@ -274,6 +274,11 @@ groups! {
 }
 
 impl Group {
+    /// Fields that a bit of a set stands for.
+    const fn run(self) -> usize {
+        if matches!(self, Group::Varied) { 6 } else { 3 }
+    }
+
     /// Number of its first field.
     pub const fn first(self) -> usize {
         FIRSTS[self as usize][0]
@@ -290,7 +295,7 @@ impl Group {
     }
 }
 
-/// A set of fields, three by three of each group.
+/// A set of fields, three by three of each group; of what varies, which is lent where anything does, six by six.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Threes(u64);
 
@@ -304,7 +309,7 @@ impl Threes {
     #[must_use]
     pub fn with(self, field: usize) -> Threes {
         let group = Group::of(field);
-        Threes(self.0 | 1 << (FIRSTS[group as usize][1] + (field - group.first()) / 3))
+        Threes(self.0 | 1 << (FIRSTS[group as usize][1] + (field - group.first()) / group.run()))
     }
 
     /// Those of either.
@@ -327,7 +332,7 @@ impl Threes {
     /// Whether any of a group is among them.
     #[inline(always)]
     const fn any(self, group: Group) -> bool {
-        let of_group = (1 << Group::COUNTS[group as usize].div_ceil(3)) - 1;
+        let of_group = (1 << Group::COUNTS[group as usize].div_ceil(group.run())) - 1;
         self.0 >> const { FIRSTS }[group as usize][1] & of_group != 0
     }
 }
@@ -336,12 +341,12 @@ impl Threes {
 const FIRSTS: [[usize; 2]; Group::ALL.len()] = {
     let (mut all, mut i) = ([[0; 2]; Group::ALL.len()], 1);
     while i < all.len() {
-        let count = Group::COUNTS[i - 1];
-        all[i] = [all[i - 1][0] + count, all[i - 1][1] + count.div_ceil(3)];
+        let (count, run) = (Group::COUNTS[i - 1], Group::ALL[i - 1].run());
+        all[i] = [all[i - 1][0] + count, all[i - 1][1] + count.div_ceil(run)];
         i += 1;
     }
     // Wider sets would cost small models some per cent of a step.
     let last = all.len() - 1;
-    assert!(all[last][1] + Group::COUNTS[last].div_ceil(3) <= u64::BITS as usize);
+    assert!(all[last][1] + Group::COUNTS[last].div_ceil(Group::ALL[last].run()) <= u64::BITS as usize);
     all
 };

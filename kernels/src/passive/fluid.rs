@@ -8,13 +8,13 @@ use crate::lane::{Lane, Real};
 use crate::math::spatial::{Spatial, join, lin, rot};
 use crate::math::tree;
 use crate::math::vec3::{Mat3, Vec3, build, cross_add, mul, mul_add, mul_mat, mul_t, splat, sub};
-use crate::model::{Fluid, Instance, Model, NONE};
+use crate::model::{Instance, Model, NONE};
 use crate::position::Position;
 use crate::velocity::Velocity;
 
-/// A body in the medium.
-struct Immersed<L> {
-    /// Orientation of its box.
+/// A body, or a geom, in the medium.
+pub(super) struct Immersed<L> {
+    /// Orientation of its axes.
     axes: Mat3<L>,
     /// Its centre relative to the tree's origin.
     at: Vec3<L>,
@@ -22,23 +22,22 @@ struct Immersed<L> {
 
 impl<L: Lane> Immersed<L> {
     #[inline(always)]
-    fn new(fluid: &Fluid<L::Real>, position: &Position<L>) -> Immersed<L> {
-        let l = fluid.link as usize;
-        let turn = &position.rot[l];
-        let at = mul_add(turn, &splat(&fluid.pos), &position.pos[l]);
-        Immersed { axes: mul_mat(turn, &splat(&fluid.rot)), at }
+    pub fn new(link: u32, pos: &[L::Real; 3], rot: &[L::Real; 9], position: &Position<L>) -> Immersed<L> {
+        let turn = &position.rot[link as usize];
+        let at = mul_add(turn, &splat(pos), &position.pos[link as usize]);
+        Immersed { axes: mul_mat(turn, &splat(rot)), at }
     }
 
-    /// Angular velocity and velocity of the centre, along the axes of the box, of a motion at the tree's origin.
+    /// Angular velocity and velocity of the centre, along the axes, of a motion at the tree's origin.
     #[inline(always)]
-    fn along(&self, motion: &Spatial<L>, wind: &Vec3<L>) -> [Vec3<L>; 2] {
+    pub fn along(&self, motion: &Spatial<L>, wind: &Vec3<L>) -> [Vec3<L>; 2] {
         let speed = sub(&cross_add(&rot(motion), &self.at, &lin(motion)), wind);
         [mul_t(&self.axes, &rot(motion)), mul_t(&self.axes, &speed)]
     }
 
-    /// A torque and a force along the axes of the box, as a wrench at the tree's origin.
+    /// A torque and a force along the axes, as a wrench at the tree's origin.
     #[inline(always)]
-    fn wrench(&self, [torque, force]: &[Vec3<L>; 2]) -> Spatial<L> {
+    pub fn wrench(&self, [torque, force]: &[Vec3<L>; 2]) -> Spatial<L> {
         let (torque, force) = (mul(&self.axes, torque), mul(&self.axes, force));
         join(&cross_add(&self.at, &force, &torque), &force)
     }
@@ -53,7 +52,7 @@ pub(super) fn add<L: Lane>(
 ) {
     let wind = build(|k| L::of(model.options.wind[k]));
     for fluid in &model.fluids {
-        let body = Immersed::new(fluid, position);
+        let body = Immersed::new(fluid.link, &fluid.pos, &fluid.rot, position);
         let moving = body.along(&velocity.cvel[fluid.link as usize], &wind);
         let resisted: [Vec3<L>; 2] = [0, 1].map(|part: usize| {
             build(|k| {
@@ -75,7 +74,7 @@ pub(crate) fn add_slope<L: Lane>(
 ) {
     let (still, wind) = ([L::zero(); 3], build(|k| L::of(model.options.wind[k])));
     for fluid in &model.fluids {
-        let body = Immersed::new(fluid, position);
+        let body = Immersed::new(fluid.link, &fluid.pos, &fluid.rot, position);
         let moving = body.along(&velocity.cvel[fluid.link as usize], &wind);
         let two = L::of(2.0);
         let slope: [Vec3<L>; 2] = [0, 1].map(|part: usize| {

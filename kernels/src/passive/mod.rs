@@ -1,9 +1,10 @@
 //! Passive forces: springs and dampers of joints and tendons, gravity compensation, and those of a medium.
 
+pub mod ellipsoid;
 pub mod fluid;
 mod tendons;
 
-pub use tendons::{tendon_damper_slope, tendon_spring_energy, tendon_spring_slope};
+pub use tendons::{tendon_damper_slope, tendon_spring_energy, tendon_spring_slope, tension};
 
 use crate::fields::fields;
 use crate::lane::Lane;
@@ -56,6 +57,7 @@ pub fn passive<L: Lane>(
     }
     tendons::add(&model, tendons, &mut passive.qfrc_passive);
     fluid::add(model, position, velocity, &mut passive.qfrc_passive);
+    ellipsoid::add(model, position, velocity, &mut passive.qfrc_passive);
     if model.features.gravcomp {
         gravcomp(model, position, &mut passive.qfrc_gravcomp);
         for (i, dof) in model.dofs.iter().enumerate() {

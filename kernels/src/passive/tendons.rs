@@ -10,20 +10,28 @@ use crate::tendon::{self, Tendons};
 pub(super) fn add<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, force: &mut [L]) {
     let Features { springs, dampers, .. } = model.features;
     let acts = |tendon: &Tendon<L::Real>| springs && tendon.spring || dampers && tendon.damped;
-    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
-        let (mut tension, rate) = (L::zero(), tendons.velocity[t]);
-        if springs && tendon.spring {
-            let x = stretched(tendon, tendons.length[t]);
-            tension = stiffness(&splat(&tendon.stiffness), x) * x;
-        }
-        if dampers && tendon.damped {
-            let [a, b, c]: [L; 3] = splat(&tendon.damping);
-            let speed = rate.abs();
-            let hold = if tendon.damping_linear { a } else { speed.mul_add(speed.mul_add(c, b), a) };
-            tension = hold.mul_add(rate, tension);
-        }
-        tendon::pull(model, t, &tendons.jacobian, -tension, force);
+    for t in (0..model.tendons.len()).filter(|t| acts(&model.tendons[*t])) {
+        tendon::pull(model, t, &tendons.jacobian, -tension(model, tendons, t), force);
     }
+}
+
+/// Tension of a tendon's spring and damper.
+#[inline(always)]
+pub fn tension<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, t: usize) -> L {
+    let Features { springs, dampers, .. } = model.features;
+    let (tendon, rate) = (&model.tendons[t], tendons.velocity[t]);
+    let mut tension = L::zero();
+    if springs && tendon.spring {
+        let x = stretched(tendon, tendons.length[t]);
+        tension = stiffness(&splat(&tendon.stiffness), x) * x;
+    }
+    if dampers && tendon.damped {
+        let [a, b, c]: [L; 3] = splat(&tendon.damping);
+        let speed = rate.abs();
+        let hold = if tendon.damping_linear { a } else { speed.mul_add(speed.mul_add(c, b), a) };
+        tension = hold.mul_add(rate, tension);
+    }
+    tension
 }
 
 /// How far a tendon's spring is from where it rests: longer, or shorter.

@@ -43,6 +43,12 @@ impl<L: Lane> Frame<L> {
         Frame { link, origin, pos: mul_add(&rot, &pos, &position.pos[l]), rot }
     }
 
+    /// The same with another position, told in its axes.
+    #[inline(always)]
+    pub fn moved(&self, by: &Vec3<L>) -> Frame<L> {
+        Frame { pos: mul_add(&self.rot, by, &self.pos), ..*self }
+    }
+
     /// The way to it from another.
     #[inline(always)]
     pub fn from(&self, other: &Frame<L>) -> Vec3<L> {

@@ -3,10 +3,11 @@
 
 use super::frame::{Frame, point_acceleration};
 use super::subtree::Body;
-use super::{Seen, ray, rows};
+use super::{Seen, ray, rows, tendons};
 use crate::lane::{Lane, Mask};
-use crate::math::vec3::{Vec3, add, cross, mul_t, neg, row, scale, select, splat, sub, zero};
-use crate::model::{Instance, Sensor};
+use crate::math::spatial::{lin, rot};
+use crate::math::vec3::{Vec3, add, cross, mul_t, neg, row, scale, splat, sub, zero};
+use crate::model::{Instance, NONE, Sensor};
 use crate::state::Applied;
 
 /// Torque and force at a point.
@@ -57,8 +58,7 @@ pub(super) fn load<L: Lane>(
         let [first, second] = contact.bodies.map(carries);
         if first != second {
             let sign = if first { L::one() } else { -L::one() };
-            let [force, torque] =
-                contact.wrench.map(|part| select(contact.acts, &scale(sign, &mul_t(contact.frame, &part)), &zero()));
+            let [force, torque] = contact.wrench.map(|part| scale(sign, &mul_t(contact.frame, &part)));
             load.add(&force, &torque, &place);
         }
     });
@@ -69,6 +69,12 @@ pub(super) fn load<L: Lane>(
             let place = add(&held.places[side].pos, &sub(&held.places[side].origin, &load.base));
             let [force, torque] = [&held.force, &held.torque].map(|part| scale(sign, part));
             load.add(&force, &torque, &place);
+        }
+    });
+    tendons::pushes(model, seen, |push| {
+        if carries(push.body) {
+            let origin = if push.link == NONE { zero() } else { seen.position.origin_of(&model, push.link) };
+            load.add(&neg(&lin(&push.wrench)), &neg(&rot(&push.wrench)), &sub(&origin, &load.base));
         }
     });
     [mul_t(&site.rot, &load.torque), mul_t(&site.rot, &load.force)]

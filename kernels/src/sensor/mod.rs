@@ -3,21 +3,27 @@
 //! Measures that follow from states, motions and actuators are a part ([`measure`]); those of rows, whose list differs from block
 //! to block, come after it ([`measure_rows`]).
 
+mod contact;
 mod frame;
 mod load;
+mod range;
 mod ray;
 mod rows;
+mod space;
 mod subtree;
+mod tendons;
 
 use std::ops::Deref;
 
+pub use tendons::{Push, pushes};
+
 use crate::actuation::Actuation;
-use crate::collision::Collision;
+use crate::collision::{Collision, ConvexCollider};
 use crate::constraint::Constraint;
 use crate::energy::{self, Energy};
 use crate::fields::fields;
 use crate::inertia::Inertia;
-use crate::lane::Lane;
+use crate::lane::{Lane, LaneQuery};
 use crate::math::quat;
 use crate::math::vec3::{Vec3, add, column, cross, mul_t, scale_add, splat, sub, zero};
 use crate::model::{Bound, Instance, NONE, Sensor, SensorKind};
@@ -33,6 +39,8 @@ fields! {
     pub struct Sensors(sizes) {
         /// Measures, sensor by sensor.
         pub data: Vec<L> = sizes.nsensordata,
+        /// By what the contacts of a sensor are sorted, one number of each of its places.
+        pub keys: Vec<L> = sizes.nsensorkey,
         /// Acceleration of each link (angular, linear) at its tree's origin, that of gravity upwards in it; of models that measure
         /// accelerations.
         pub cacc: Vec<[L; 6]> = sizes.nsensoracc,
@@ -85,30 +93,57 @@ pub fn measure<L: Lane>(
     if model.sensors.iter().any(|sensor| sensor.kind.of_energy()) {
         energy::energy(model, energy::Stages { position, tendons, inertia }, &state.qpos, &state.qvel, energy);
     }
-    let Sensors { data, cacc, quat } = sensors;
+    let Sensors { data, cacc, quat, .. } = sensors;
     accelerate(model, &velocity.cacc, (&position.cdof, &solver.fields.qacc), cacc);
     if !quat.is_empty() {
         orientation::quaternions(&model, state.into(), 0..model.links.len() as u32, quat);
     }
     let seen = Seen { stages, energy, cacc, quat };
-    for sensor in model.sensors.iter().filter(|sensor| !sensor.kind.of_rows()) {
-        put(sensor, &value(model, sensor, state, &seen), data);
+    for sensor in model.sensors.iter().filter(|sensor| !model.apart(sensor)) {
+        match sensor.kind {
+            SensorKind::Rangefinder => range(model, sensor, &seen, data),
+            _ => put(sensor, &value(model, sensor, state, &seen), data),
+        }
     }
 }
 
-/// Finds the measures that follow from rows, after the others. Their forces are kept by the solver.
-pub fn measure_rows<L: Lane>(
+/// Finds what the rays of a rangefinder meet.
+fn range<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, seen: &Seen<'_, L>, data: &mut [L]) {
+    let mut out = data[sensor.data.range()].iter_mut();
+    range::measure(model, seen.position, sensor, |x| {
+        if let Some(out) = out.next() {
+            *out = bounded(sensor, x);
+        }
+    });
+}
+
+/// Finds the measures that are found apart, after the others. Forces of rows are kept by the solver.
+pub fn measure_rows<L: LaneQuery>(
     model: Instance<'_, L>,
     state: &State<L>,
     applied: Option<&Applied<L>>,
+    convex: &dyn ConvexCollider,
     (stages, energy): (Stages<'_, L>, &Energy<L>),
     sensors: &mut Sensors<L>,
 ) {
     use SensorKind as Kind;
-    let Sensors { data, cacc, quat } = sensors;
+    let Sensors { data, keys, cacc, quat } = sensors;
     let seen = Seen { stages, energy, cacc, quat };
-    for sensor in model.sensors.iter().filter(|sensor| sensor.kind.of_rows()) {
+    for sensor in model.sensors.iter().filter(|sensor| model.apart(sensor)) {
         let value = match sensor.kind {
+            Kind::Rangefinder => {
+                range(model, sensor, &seen, data);
+                continue;
+            }
+            Kind::Contact => {
+                contact::measure(model, sensor, &seen, keys, &mut data[sensor.data.range()]);
+                continue;
+            }
+            kind if kind.of_space() => {
+                let way = space::way(model, stages.position, sensor, convex);
+                put(sensor, &space::numbers(kind, &way), data);
+                continue;
+            }
             Kind::Touch => [load::touch(model, sensor, &seen), L::zero(), L::zero()],
             Kind::Torque => load::load(model, sensor, applied, &seen)[0],
             Kind::Force => load::load(model, sensor, applied, &seen)[1],
@@ -121,13 +156,19 @@ pub fn measure_rows<L: Lane>(
 /// Writes a measure, cut off.
 #[inline(always)]
 fn put<L: Lane>(sensor: &Sensor<L::Real>, value: &[L], data: &mut [L]) {
-    let most = L::splat(sensor.cutoff);
     for (out, x) in data[sensor.data.range()].iter_mut().zip(value) {
-        *out = match sensor.bound {
-            Bound::None => *x,
-            Bound::Above => x.min(most),
-            Bound::Both => x.clamp(-most, most),
-        };
+        *out = bounded(sensor, *x);
+    }
+}
+
+/// A number of a sensor, cut off.
+#[inline(always)]
+fn bounded<L: Lane>(sensor: &Sensor<L::Real>, x: L) -> L {
+    let most = L::splat(sensor.cutoff);
+    match sensor.bound {
+        Bound::None => x,
+        Bound::Above => x.min(most),
+        Bound::Both => x.clamp(-most, most),
     }
 }
 
@@ -190,7 +231,10 @@ fn value<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, state: &Stat
             let at = mul_t(&site.rot, &frame().from(&site));
             one(L::select(ray::inside(sensor.shape, &splat(&sensor.size), &at), L::one(), L::zero()))
         }
-        Kind::Rangefinder => one(ray::nearest(model, position, sensor.id, &frame())),
+        Kind::CamProjection => {
+            let [x, y] = range::project(sensor, &Frame::new(&model, position, sensor.reference), &frame());
+            [x, y, L::zero(), L::zero()]
+        }
         Kind::SubtreeCom => three(subtree::centre(model, position, sensor.bodies)),
         Kind::SubtreeLinVel => three(subtree::velocity(model, seen, sensor.bodies)),
         Kind::SubtreeAngMom => three(subtree::momentum(model, seen, sensor.bodies)),
@@ -222,8 +266,9 @@ fn value<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, state: &Stat
         Kind::FrameAngAcc => three(frame().acceleration(model, seen)[0]),
         // Nobody computes them.
         Kind::User => zero(),
-        // Those of rows are found apart.
-        Kind::Touch | Kind::Force | Kind::Torque => zero(),
+        // Those are found apart.
+        Kind::GeomDist | Kind::GeomNormal | Kind::GeomFromTo | Kind::Contact => zero(),
+        Kind::Rangefinder | Kind::Touch | Kind::Force | Kind::Torque => zero(),
         Kind::JointLimitPos | Kind::JointLimitVel | Kind::JointLimitFrc => zero(),
         Kind::TendonLimitPos | Kind::TendonLimitVel | Kind::TendonLimitFrc => zero(),
     }

@@ -2,23 +2,23 @@
 
 use super::frame::Frame;
 use crate::lane::{Lane, Mask, Real};
-use crate::math::vec3::{Vec3, column, dot, mul_t, splat, sub};
-use crate::model::{Instance, Shape};
-use crate::position::Position;
+use crate::math::vec3::{Vec3, build, dot, mul_t, normalize, select, sub};
+use crate::model::Shape;
 
 /// The nearest meeting so far; less than 0: none.
-struct Nearest<L>(L);
+pub(super) struct Nearest<L>(pub L);
 
 impl<L: Lane> Nearest<L> {
-    fn none() -> Self {
+    pub fn none() -> Self {
         Nearest(L::of(-1.0))
     }
 
-    /// Takes a meeting where `ok` holds and it is neither behind nor farther.
+    /// Takes a meeting where `ok` holds and it is neither behind nor farther; says where that is.
     #[inline(always)]
-    fn take(&mut self, at: L, ok: L::Mask) {
-        let nearer = self.0.lt(L::zero()) | at.lt(self.0);
-        self.0 = L::select(ok & at.ge(L::zero()) & nearer, at, self.0);
+    pub fn take(&mut self, at: L, ok: L::Mask) -> L::Mask {
+        let nearer = ok & at.ge(L::zero()) & (self.0.lt(L::zero()) | at.lt(self.0));
+        self.0 = L::select(nearer, at, self.0);
+        nearer
     }
 }
 
@@ -90,7 +90,7 @@ pub(super) fn distance<L: Lane>(shape: Shape, size: &Vec3<L>, p: &Vec3<L>, v: &V
                 }
             }
         }
-        // The compiler refuses rays where there are any.
+        // Meshes are met triangle by triangle; the compiler refuses rays where there are height fields.
         Shape::Mesh | Shape::HeightField => {}
     }
     nearest.0
@@ -143,18 +143,29 @@ pub(super) fn inside<L: Lane>(shape: Shape, size: &Vec3<L>, p: &Vec3<L>) -> L::M
     }
 }
 
-/// Distance along the z axis of a frame to the nearest geom that is not of `body`; -1: none is met.
+/// Outward normal of a shape, in its axes, at a point of its surface.
 #[inline(always)]
-pub(super) fn nearest<L: Lane>(model: Instance<'_, L>, position: &Position<L>, body: u32, from: &Frame<L>) -> L {
-    let direction = column(&from.rot, 2);
-    let mut nearest = Nearest::none();
-    for target in model.targets.iter().filter(|target| target.body != body) {
-        let frame = Frame::new(&model, position, target.mount);
-        let (p, v) = (mul_t(&frame.rot, &from.from(&frame)), mul_t(&frame.rot, &direction));
-        let at = distance(target.shape, &splat(&target.size), &p, &v);
-        nearest.take(at, L::Mask::splat(true));
+pub(super) fn normal<L: Lane>(shape: Shape, size: &Vec3<L>, p: &Vec3<L>) -> Vec3<L> {
+    let (zero, one) = (L::zero(), L::one());
+    let up = |z: L| L::select(z.lt(zero), -one, one);
+    match shape {
+        Shape::Plane | Shape::Mesh | Shape::HeightField => [zero, zero, one],
+        Shape::Sphere => normalize(p).0,
+        Shape::Capsule => normalize(&[p[0], p[1], p[2] - p[2].clamp(-size[1], size[1])]).0,
+        Shape::Ellipsoid => normalize(&build(|i| p[i] / (size[i] * size[i]))).0,
+        Shape::Cylinder => {
+            let beyond = p[0].mul_add(p[0], p[1] * p[1]).sqrt() - size[0];
+            let wall = normalize(&[p[0], p[1], zero]).0;
+            select((p[2].abs() - size[1]).gt(beyond), &[zero, zero, up(p[2])], &wall)
+        }
+        Shape::Box => {
+            let beyond: Vec3<L> = build(|i| p[i].abs() - size[i]);
+            let x = beyond[0].ge(beyond[1]) & beyond[0].ge(beyond[2]);
+            let z = !x & beyond[2].gt(beyond[1]);
+            let side = |mask, i: usize| L::select(mask, up(p[i]), zero);
+            [side(x, 0), side(!(x | z), 1), side(z, 2)]
+        }
     }
-    nearest.0
 }
 
 /// Whether a ray from a contact away from the body that it pushes meets a site's volume.

@@ -4,41 +4,60 @@ use super::Seen;
 use super::frame::Frame;
 use crate::collision::{Contact, reference};
 use crate::constraint::{Cone, ContactRow, DofRowKind};
-use crate::lane::Lane;
+use crate::lane::{Lane, Mask, Real};
 use crate::math::quat;
-use crate::math::vec3::{Mat3, Vec3, cross, dot, mul_add, scale, scale_add, splat, zero};
+use crate::math::vec3::{Mat3, Vec3, cross, dot, mul_add, scale, scale_add, select, splat, zero};
 use crate::model::{Equality, EqualityKind, Instance, NONE};
 
 /// A contact and its force.
 pub(super) struct Touching<'a, L: Lane> {
-    /// MJCF bodies of its geoms.
+    /// Its geoms, in MJCF's numbering.
+    pub geoms: [u32; 2],
+    /// Their MJCF bodies.
     pub bodies: [u32; 2],
+    /// Their links.
+    pub links: [u32; 2],
+    /// Where there is one.
+    pub exists: L::Mask,
     /// Where it acts.
     pub acts: L::Mask,
+    /// Distance.
+    pub dist: L,
     /// Origin of the tree from which its position is told.
     pub origin: Vec3<L>,
     /// Position, from there.
     pub pos: Vec3<L>,
     /// Normal and tangents.
     pub frame: &'a Mat3<L>,
-    /// Force and torque on the second geom, in that frame.
+    /// Force and torque on the second geom, in that frame; zero where it does not act.
     pub wrench: [Vec3<L>; 2],
 }
 
-/// Calls `f` with the contacts that act in some world.
+/// Calls `f` with the contacts that exist in some world.
 pub(super) fn contacts<'a, L: Lane>(model: Instance<'a, L>, seen: &Seen<'a, L>, mut f: impl FnMut(Touching<'a, L>)) {
-    let mut edge = 0;
-    for row in &seen.constraint.contact_rows {
-        let (pair, first) = (&model.pairs[row.pair as usize], edge);
-        edge += row.edges();
-        let contact = Contact(&seen.collision.found[row.place as usize]);
+    let (mut edge, mut rows) = (0, seen.constraint.contact_rows.iter().peekable());
+    for slot in &seen.collision.slots {
+        let pair = &model.pairs[slot.pair as usize];
+        let (mut acts, mut force) = (L::Mask::splat(false), [zero(); 2]);
+        // Those in the gap of all worlds have no rows.
+        if let Some(row) = rows.next_if(|row| row.place == slot.place) {
+            acts = seen.constraint.law(row).d().gt(L::zero());
+            force = wrench(seen, row, edge).map(|part| select(acts, &part, &zero()));
+            edge += row.edges();
+        }
+        let contact = Contact(&seen.collision.found[slot.place as usize]);
+        let geoms = [pair.geom1, pair.geom2].map(|geom| &model.geoms[geom as usize]);
         f(Touching {
-            bodies: [pair.geom1, pair.geom2].map(|geom| model.geoms[geom as usize].body),
-            acts: seen.constraint.law(row).d().gt(L::zero()),
+            geoms: geoms.map(|geom| geom.id),
+            bodies: geoms.map(|geom| geom.body),
+            links: [pair.link1, pair.link2],
+            exists: contact.dist().lt(L::of(L::Real::MAXVAL)),
+            acts,
+            dist: contact.dist(),
             origin: seen.position.origin_of(&model, reference(pair)),
             pos: contact.pos(),
             frame: contact.frame(),
-            wrench: wrench(seen, row, first),
+            wrench: force,
         });
     }
 }
@@ -72,7 +91,9 @@ pub(super) struct Holding<L> {
 
 /// Calls `f` with the connects and welds; one has no force where it does not act.
 pub(super) fn holds<L: Lane>(model: Instance<'_, L>, seen: &Seen<'_, L>, mut f: impl FnMut(Holding<L>)) {
-    for equality in model.equalities.iter().filter(|equality| equality.kind != EqualityKind::Joint) {
+    for equality in
+        model.equalities.iter().filter(|equality| matches!(equality.kind, EqualityKind::Connect | EqualityKind::Weld))
+    {
         let rows = &seen.solver.force.equality[equality.rows()];
         let acts = seen.constraint.equality.d[equality.row as usize].gt(L::zero());
         let part = |at: usize| [0, 1, 2].map(|i| L::select(acts, rows[at + i], L::zero()));

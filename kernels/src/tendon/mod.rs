@@ -3,7 +3,7 @@
 mod path;
 mod wrap;
 
-pub use path::{Straight, straight};
+pub use path::{Straight, pulls, straight};
 
 use crate::fields::fields;
 use crate::lane::Lane;

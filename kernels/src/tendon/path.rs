@@ -32,6 +32,12 @@ pub(super) fn measure<L: Lane>(
     length
 }
 
+/// For a unit of tension along the tendon, what pushes each of a piece's links outwards, at the origin of the link's tree.
+#[inline(always)]
+pub fn pulls<L: Lane>(model: &Model<L::Real>, stretch: &Stretch<L::Real>, position: &Position<L>) -> [Spatial<L>; 3] {
+    piece(model, stretch, position, L::splat(stretch.share)).1
+}
+
 /// A piece as if nothing were in its way.
 #[derive(Clone, Copy, Debug)]
 pub struct Straight<L> {

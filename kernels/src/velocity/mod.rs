@@ -3,6 +3,8 @@
 
 mod tendons;
 
+pub use tendons::stretching;
+
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::Lane;

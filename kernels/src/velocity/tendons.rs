@@ -17,14 +17,26 @@ pub(super) fn resist<L: Lane>(
     velocity: &mut Velocity<L>,
 ) {
     for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.heavy && !tendon.fixed()) {
-        let mut drift = L::zero();
-        for stretch in &model.stretches[tendon.stretches.range()] {
-            let own = self::drift(model, stretch, position, gravity, velocity);
-            drift = L::splat(stretch.share).mul_add(own, drift);
-        }
-        let force = L::splat(tendon.armature) * drift;
+        let force = L::splat(tendon.armature) * stretching(model, t, position, gravity, velocity);
         tendon::pull(model, t, &tendons.jacobian, force, &mut velocity.qfrc_bias);
     }
+}
+
+/// J̇ v of a spatial tendon.
+#[inline(always)]
+pub fn stretching<L: Lane>(
+    model: &Model<L::Real>,
+    t: usize,
+    position: &Position<L>,
+    gravity: &Vec3<L>,
+    velocity: &Velocity<L>,
+) -> L {
+    let mut drift = L::zero();
+    for stretch in &model.stretches[model.tendons[t].stretches.range()] {
+        let own = self::drift(model, stretch, position, gravity, velocity);
+        drift = L::splat(stretch.share).mul_add(own, drift);
+    }
+    drift
 }
 
 /// What the rate of a straight piece's length gains by itself: what its ends are accelerated by along it, and what turning it does.

@@ -71,8 +71,10 @@ impl Places<'_> {
     /// The piece between two sites, around a geom on the side of a site.
     fn stretch(&self, sites: [usize; 2], around: Option<(usize, Option<usize>)>, share: f64) -> Stretch<f64> {
         let [first, second] = sites.map(|site| self.site(site));
+        let bodies = sites.map(|site| self.scene.sites[site].body as u32);
         let mut stretch = Stretch {
             links: [first.0, second.0, NONE],
+            bodies: [bodies[0], bodies[1], NONE],
             round: None,
             passes: Passes::Anywhere,
             side_link: NONE,
@@ -88,6 +90,7 @@ impl Places<'_> {
         let geom = &self.scene.geoms[id];
         let pose = self.links.body_pose[geom.body].then(&geom.pose);
         stretch.links[2] = self.links.body_link[geom.body];
+        stretch.bodies[2] = geom.body as u32;
         stretch.round = Some(self.round(id));
         (stretch.middle, stretch.rot) = (pose.pos.to_array(), row_major(pose.rotation()));
         stretch.radius = geom.spec.size[0];

@@ -64,14 +64,14 @@ fn bad_actuators() {
         "<position joint='j' ctrlrange='0 1' inheritrange='1'/>",
         "1: position: both ctrlrange and inheritrange are given (keep one)",
     );
-    check("<motor/>", "1: motor: nothing to act on (give joint, jointinparent, tendon, site or cranksite)");
+    check("<motor/>", "1: motor: nothing to act on (give joint, jointinparent, tendon, site, cranksite or body)");
     check("<damper joint='j'/>", "1: damper: a damper needs a ctrlrange");
     check("<damper joint='j' ctrlrange='-1 1'/>", "1: damper: the ctrlrange of a damper must not be negative");
     let missing = |what: &str| format!("{what} not supported (a lenient load leaves it out)");
     check("<general name='a' body='b'/>", &missing("1: general \"a\": transmission through a body is"));
     check(
         "<motor slidersite='s'/>",
-        "1: motor: nothing to act on (give joint, jointinparent, tendon, site or cranksite)",
+        "1: motor: nothing to act on (give joint, jointinparent, tendon, site, cranksite or body)",
     );
     check(
         "<motor joint='j' refsite='s'/>",

@@ -29,17 +29,19 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("*", "user", USER),
     ("*", "material castshadow width", LOOKS),
     ("site tendon fixed spatial", "rgba", LOOKS),
-    ("camera light", "*", LOOKS),
+    ("light", "*", LOOKS),
+    ("camera", "ipd output target", LOOKS),
+    ("camera", "principalpixel", "a length, which follows with sensorsize"),
     ("geom", "hfield", MESHES),
     ("mesh hfield", "*", MESHES),
-    ("geom", "fluidcoef", "only for fluid forces, which are not built"),
+    ("geom", "fluidcoef", "only of ellipsoids in a medium (fluidshape)"),
     ("body", "sleep", "only for sleeping, which is not built"),
     ("body", "simple", SPEED),
     ("custom numeric text tuple element", "*", USER),
     ("*", "interp", DELAYS),
-    ("general motor position velocity intvelocity damper cylinder muscle", "nsample", DELAYS),
+    ("general motor position velocity intvelocity damper cylinder muscle adhesion", "nsample", DELAYS),
     ("model", "name", "a name, which acts through the elements that give it"),
-    ("camprojection distance normal fromto contact tactile", "*", "the element is reported as not supported"),
+    ("tactile", "*", "the element is reported as not supported"),
     ("damper", "ctrllimited", "the control of a damper is always limited"),
     ("default", "cranklength", "only for slider-cranks, which are reported where they are used"),
     ("default", "class", "a name, which acts through the elements that give it"),
@@ -67,7 +69,10 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
     match element {
         "joint" if path.contains(&"equality") => &[("joint1", "j")],
         "user" => &[("dim", "1")],
-        "e_potential" | "e_kinetic" | "clock" | "contact" | "distance" | "normal" | "fromto" => &[],
+        "e_potential" | "e_kinetic" | "clock" => &[],
+        "contact" if path.contains(&"sensor") => &[],
+        "distance" | "normal" | "fromto" if path.contains(&"sensor") => &[("geom1", "g"), ("geom2", "h")],
+        "camprojection" => &[("site", "s"), ("camera", "e")],
         tag if path.contains(&"sensor") && tag.starts_with("tendon") => &[("tendon", "t")],
         "tactile" => &[],
         "insidesite" => &[("site", "s"), ("objtype", "geom"), ("objname", "g")],
@@ -102,6 +107,7 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
         "general" => &[("joint", "j"), ("biastype", "affine"), ("gainprm", "2"), ("biasprm", "0 -2")],
         "motor" | "position" | "velocity" | "intvelocity" | "cylinder" | "muscle" => &[("joint", "j")],
         "damper" => &[("joint", "j"), ("ctrlrange", "0 1")],
+        "adhesion" => &[("body", "a"), ("ctrlrange", "0 1")],
         _ => &[],
     }
 }
@@ -118,6 +124,8 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
                 || given == "fromto" && oriented(name)
                 || given == "inheritrange" && name == "ctrlrange"
                 || given == "jointinparent" && name == "joint"
+                || given == "body1" && name == "geom1"
+                || given == "body2" && name == "geom2"
                 || given == "fullinertia" && name == "diaginertia"
         })
     };
@@ -145,9 +153,9 @@ fn model(path: &[&str], attribute: Option<(&str, &str)>) -> String {
     }
     let root = if element == "mujoco" { attributes } else { String::new() };
     format!(
-        "<mujoco{root}><asset><model name='m' file='child'/></asset><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><pair gap='3'/><equality active='false'/><tendon group='4'/>\
+        "<mujoco{root}><asset><model name='m' file='child'/></asset><default><default class='c'><joint damping='3'/><geom mass='7'/><site group='4'/><camera fovy='4'/><pair gap='3'/><equality active='false'/><tendon group='4'/>\
          <general gear='5'/></default></default>{text}<worldbody><geom name='h' size='1'/><body name='a'>\
-         <joint name='j' range='-30 60'/><joint name='k' type='slide'/><geom name='g' size='.1' euler='10 20 30'/><site name='s'/></body></worldbody>\
+         <joint name='j' range='-30 60'/><joint name='k' type='slide'/><geom name='g' size='.1' euler='10 20 30'/><site name='s'/><camera name='e'/></body></worldbody>\
          <contact><pair geom1='g' geom2='h'/></contact><tendon><fixed><joint joint='j' coef='1'/></fixed></tendon><equality><joint joint1='k'/></equality>\
          <actuator><general joint='j'/></actuator></mujoco>"
     )
@@ -165,6 +173,10 @@ fn outcome(text: &str) -> Result<String, String> {
 
 const VALUES: &[&str] = &[
     "true",
+    "dir",
+    "mindist",
+    "track",
+    "orthographic",
     "false",
     "disable",
     "enable",

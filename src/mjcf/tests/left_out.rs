@@ -81,20 +81,20 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
 #[test]
 fn sensors_go_with_what_they_are_about() {
     let text = with_joint(
-        "<actuator><adhesion name='a' body='b'/></actuator>\
-         <sensor><actuatorfrc actuator='a'/><camprojection site='s' camera='c'/><clock/></sensor>",
+        "<actuator><dcmotor name='a' joint='j'/></actuator>\
+         <sensor><actuatorfrc actuator='a'/><tactile geom='g' mesh='m'/><clock/></sensor>",
     );
     let spec = lenient(&text);
     assert_eq!(spec.sensors.len(), 1);
     assert_eq!(
         spec.losses[1..],
         [
-            "line 1: camprojection: sensors of kind camprojection are not supported, left out",
+            "line 1: tactile: sensors of kind tactile are not supported, left out",
             "line 1: actuatorfrc: actuator \"a\" was left out, and so is this actuatorfrc",
         ]
     );
-    let text = with_joint("<sensor><camprojection site='s' camera='c'/></sensor>");
-    rejects(&text, "1: camprojection: sensors of kind camprojection are not supported (a lenient load leaves it out)");
+    let text = with_joint("<sensor><tactile geom='g' mesh='m'/></sensor>");
+    rejects(&text, "1: tactile: sensors of kind tactile are not supported (a lenient load leaves it out)");
 }
 
 /// A signed distance field on a body, with what stands before it.

@@ -6,6 +6,8 @@
 mod joint;
 mod sides;
 
+pub use joint::slope;
+
 use super::Motion;
 use super::dof_rows::regulariser;
 use crate::lane::{Lane, Mask};
