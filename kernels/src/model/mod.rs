@@ -6,6 +6,7 @@
 //! relative to the *origin* of the tree, the position of its first link's frame: numbers stay small however far from the
 //! world's origin the tree is.
 
+mod actuators;
 mod cast;
 mod heights;
 mod hull;
@@ -16,6 +17,7 @@ mod tendon;
 mod tiles;
 mod varied;
 
+pub use actuators::*;
 pub use cast::{Cast, Representable};
 pub use heights::HeightField;
 pub use hull::{Hull, HullFace};
