@@ -236,7 +236,7 @@ impl<'a> Hulls<'a> {
     }
 
     /// The place of a geom's height field.
-    fn field(&mut self, geom: &'a Geom) -> u32 {
+    pub fn field(&mut self, geom: &'a Geom) -> u32 {
         let Some(field) = self.meshes.heights.get(&geom.hfield) else { return NONE };
         *self.fields.entry(&geom.hfield).or_insert_with(|| {
             self.heights.push(field.clone());

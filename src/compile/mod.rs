@@ -137,6 +137,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         mounts: &actuators.mounts,
         meshes: &meshes,
         nhull: pairs.hulls.len(),
+        nheight: pairs.heights.len(),
     };
     let sensors = Sensors::new(&sensors, &mut diagnostics);
     diagnostics.into_result()?;
@@ -154,7 +155,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         belts: belts(&scene, &pairs.geoms),
         geoms: pairs.geoms,
         hulls: pairs.hulls.into_iter().chain(sensors.hulls).collect(),
-        heights: pairs.heights.into(),
+        heights: pairs.heights.into_iter().chain(sensors.heights).collect(),
         pairs: pairs.pairs,
         pair_dofs: pairs.dofs,
         tendons: tendons.table.clone(),

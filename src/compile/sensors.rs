@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 use lanesim_kernels::model::{
-    Bound, Hull, Limit, Mount, NONE, Ray, Sensor, SensorKind, Shape as KernelShape, Side, Span, Surface, Target,
+    Bound, HeightField, Hull, Limit, Mount, NONE, Ray, Sensor, SensorKind, Shape as KernelShape, Side, Span, Surface,
+    Target,
 };
 
 use super::check::Element;
@@ -269,6 +270,8 @@ pub(crate) struct Sensors {
     pub targets: Vec<Target<f64>>,
     /// Meshes among those that rays meet.
     pub surfaces: Vec<Surface>,
+    /// Height fields among them, behind those of pairs.
+    pub heights: Vec<HeightField>,
     /// Hulls of those whose distances are measured, behind those of pairs.
     pub hulls: Vec<Hull>,
     pub spaces: Vec<[u32; 2]>,
@@ -292,6 +295,8 @@ pub(crate) struct Sources<'a> {
     pub meshes: &'a Meshes,
     /// Number of hulls of pairs.
     pub nhull: usize,
+    /// Number of height fields of pairs.
+    pub nheight: usize,
 }
 
 impl Sensors {
@@ -429,15 +434,19 @@ impl Sensors {
         if !rays && !spaces {
             return;
         }
-        let mut surfaces = Surfaces::new(s.meshes);
+        let (mut surfaces, mut fields) = (Surfaces::new(s.meshes), Hulls::new(s.meshes));
         for geom in &s.scene.geoms {
             let mount = self.mount(s, geom.body, &geom.pose);
             let seen = rays && !geom.spec.clear;
-            let surface = if seen { surfaces.of(geom.spec) } else { NONE };
+            let surface = match geom.spec.shape {
+                _ if !seen => NONE,
+                Shape::HeightField => s.nheight as u32 + fields.field(geom.spec),
+                _ => surfaces.of(geom.spec),
+            };
             let (body, size, shape) = (geom.body as u32, geom.spec.size, shape(geom.spec.shape));
             self.targets.push(Target { body, mount, shape, surface, hull: NONE, seen, size });
         }
-        self.surfaces = surfaces.surfaces;
+        (self.surfaces, self.heights) = (surfaces.surfaces, fields.heights);
     }
 
     /// Hulls of the meshes whose distances are measured.
@@ -463,19 +472,15 @@ impl Sensors {
     }
 }
 
-/// Whether a sensor's rays or distances would meet a height field.
+/// Whether a sensor measures the distance of a height field.
 fn refuse_height_fields(s: &Sources, sensor: &spec::Sensor, diagnostics: &mut Diagnostics) -> bool {
-    let (rays, spaces) = (sensor.kind == SensorKind::Rangefinder, sensor.kind.of_space());
     let of = [&sensor.object, &sensor.reference].map(|side| side.as_ref().map(|of| (of, id(s, of))));
-    let among = |geom: usize| {
-        rays && !s.scene.geoms[geom].spec.clear || spaces && of.iter().any(|of| geoms(s, *of).contains(&geom))
-    };
+    let among = |geom: usize| sensor.kind.of_space() && of.iter().any(|of| geoms(s, *of).contains(&geom));
     let mut fields = (0..s.scene.geoms.len()).filter(|geom| s.scene.geoms[*geom].spec.shape == Shape::HeightField);
     let Some(geom) = fields.find(|geom| among(*geom)) else { return false };
-    let what = if rays { "rays" } else { "distances" };
     let name = quoted(&s.scene.geoms[geom].spec.name);
-    let message = format!("{what} to height fields are not supported, and geom {name} is one");
-    let remedy = if rays { "give it an rgba without opacity, or remove it" } else { "measure to another geom" };
+    let message = format!("distances to height fields are not supported, and geom {name} is one");
+    let remedy = "measure to another geom";
     diagnostics.push(&sensor.source, label(sensor.kind.tag(), &sensor.name, 0), message, remedy);
     true
 }

@@ -271,7 +271,7 @@ impl<T> Model<T> {
     pub fn apart(&self, sensor: &Sensor<T>) -> bool {
         sensor.kind.of_rows()
             || sensor.kind.of_space()
-            || (sensor.kind == SensorKind::Rangefinder && !self.surfaces.is_empty())
+            || (sensor.kind == SensorKind::Rangefinder && self.targets.iter().any(|target| target.surface != NONE))
     }
 
     /// Whether there can be constraint rows.

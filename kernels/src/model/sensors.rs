@@ -339,7 +339,8 @@ table! {
         pub mount: u32,
         /// Shape.
         pub shape: Shape,
-        /// Of a mesh, its place among [`Model::surfaces`](super::Model::surfaces); else [`NONE`](super::NONE).
+        /// Of a mesh, its place among [`Model::surfaces`](super::Model::surfaces), of a height field among
+        /// [`Model::heights`](super::Model::heights); else [`NONE`](super::NONE).
         pub surface: u32,
         /// Of a mesh whose distance is measured, its place among [`Model::hulls`](super::Model::hulls); else [`NONE`](super::NONE).
         pub hull: u32,

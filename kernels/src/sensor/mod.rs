@@ -5,6 +5,7 @@
 
 mod contact;
 mod frame;
+mod ground;
 mod load;
 mod range;
 mod ray;
@@ -101,16 +102,22 @@ pub fn measure<L: Lane>(
     let seen = Seen { stages, energy, cacc, quat };
     for sensor in model.sensors.iter().filter(|sensor| !model.apart(sensor)) {
         match sensor.kind {
-            SensorKind::Rangefinder => range(model, sensor, &seen, data),
+            SensorKind::Rangefinder => range(model, sensor, &seen, &|_| true, data),
             _ => put(sensor, &value(model, sensor, state, &seen), data),
         }
     }
 }
 
 /// Finds what the rays of a rangefinder meet.
-fn range<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, seen: &Seen<'_, L>, data: &mut [L]) {
+fn range<L: Lane>(
+    model: Instance<'_, L>,
+    sensor: &Sensor<L::Real>,
+    seen: &Seen<'_, L>,
+    any: ground::Any<'_, L::Mask>,
+    data: &mut [L],
+) {
     let mut out = data[sensor.data.range()].iter_mut();
-    range::measure(model, seen.position, sensor, |x| {
+    range::measure(model, seen.position, sensor, any, |x| {
         if let Some(out) = out.next() {
             *out = bounded(sensor, x);
         }
@@ -132,7 +139,7 @@ pub fn measure_rows<L: LaneQuery>(
     for sensor in model.sensors.iter().filter(|sensor| model.apart(sensor)) {
         let value = match sensor.kind {
             Kind::Rangefinder => {
-                range(model, sensor, &seen, data);
+                range(model, sensor, &seen, &L::any, data);
                 continue;
             }
             Kind::Contact => {

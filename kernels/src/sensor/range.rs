@@ -1,9 +1,10 @@
 //! Rangefinders: rays from sites and cameras, and the geoms that they meet.
 
 use super::frame::Frame;
-use super::ray::{Nearest, distance, normal};
+use super::ground::{self, Any};
+use super::ray::{Nearest, distance, normal, triangle};
 use crate::lane::{Lane, Mask, Real};
-use crate::math::vec3::{Vec3, add, cross, dot, mul, mul_t, normalize, scale, scale_add, select, splat, sub, zero};
+use crate::math::vec3::{Vec3, add, mul, mul_t, scale_add, select, splat, zero};
 use crate::model::{Instance, RayField, Sensor, Shape, Surface};
 use crate::position::Position;
 
@@ -19,6 +20,7 @@ pub(super) fn measure<L: Lane>(
     model: Instance<'_, L>,
     position: &Position<L>,
     sensor: &Sensor<L::Real>,
+    any: Any<'_, L::Mask>,
     mut put: impl FnMut(L),
 ) {
     let frame = Frame::new(&model, position, sensor.mount);
@@ -26,7 +28,7 @@ pub(super) fn measure<L: Lane>(
     for ray in &model.rays[sensor.items.range()] {
         let from = frame.moved(&splat(&ray.pos));
         let direction = mul(&frame.rot, &splat(&ray.dir));
-        let met = cast(model, position, sensor.id, (&from, &direction), inclined);
+        let met = cast(model, position, sensor.id, (&from, &direction), inclined, any);
         let dist = met.at.0;
         let hit = dist.ge(L::zero());
         let shown = |x: Vec3<L>| select(hit, &x, &zero());
@@ -52,17 +54,20 @@ fn cast<L: Lane>(
     body: u32,
     (from, direction): (&Frame<L>, &Vec3<L>),
     inclined: bool,
+    any: Any<'_, L::Mask>,
 ) -> Met<L> {
     let mut met = Met { at: Nearest::none(), normal: zero() };
     for target in model.targets.iter().filter(|target| target.seen && target.body != body) {
         let frame = Frame::new(&model, position, target.mount);
         let (p, v) = (mul_t(&frame.rot, &from.from(&frame)), mul_t(&frame.rot, direction));
         let size = splat(&target.size);
-        let (at, own) = if target.shape == Shape::Mesh {
-            pierce(&model.surfaces[target.surface as usize], &p, &v)
-        } else {
-            let at = distance(target.shape, &size, &p, &v);
-            (at, if inclined { normal(target.shape, &size, &scale_add(at, &v, &p)) } else { zero() })
+        let (at, own) = match target.shape {
+            Shape::Mesh => pierce(&model.surfaces[target.surface as usize], &p, &v),
+            Shape::HeightField => ground::meet(&model.heights[target.surface as usize], &p, &v, any),
+            shape => {
+                let at = distance(shape, &size, &p, &v);
+                (at, if inclined { normal(shape, &size, &scale_add(at, &v, &p)) } else { zero() })
+            }
         };
         let nearer = met.at.take(at, L::Mask::splat(true));
         if inclined {
@@ -77,21 +82,11 @@ fn pierce<L: Lane>(surface: &Surface, p: &Vec3<L>, v: &Vec3<L>) -> (L, Vec3<L>) 
     let (mut nearest, mut normal) = (Nearest::none(), zero());
     for face in &surface.faces {
         let [a, b, c] = face.map(|corner| surface.vertices[corner as usize].map(L::of));
-        // How far towards b and c the ray passes, and how far along it that is, times a determinant (Möller and Trumbore, 1997).
-        let (one, other, start) = (sub(&b, &a), sub(&c, &a), sub(p, &a));
-        let (turned, moment) = (cross(v, &other), cross(&start, &one));
-        let det = dot(&one, &turned);
-        let some = det.abs().gt(L::of(L::Real::TINY));
-        let inverse = L::one() / L::select(some, det, L::one());
-        let (x, y) = (dot(&start, &turned) * inverse, dot(v, &moment) * inverse);
-        let within = x.ge(L::zero()) & y.ge(L::zero()) & (x + y).le(L::one());
-        let nearer = nearest.take(dot(&other, &moment) * inverse, some & within);
-        normal = select(nearer, &cross(&one, &other), &normal);
+        let (at, ok, own) = triangle([a, b, c], p, v);
+        let nearer = nearest.take(at, ok);
+        normal = select(nearer, &own, &normal);
     }
-    // Normals of thin triangles are small.
-    let most = normal[0].abs().max(normal[1].abs()).max(normal[2].abs());
-    let unit = L::one() / L::select(most.gt(L::zero()), most, L::one());
-    (nearest.0, normalize(&scale(unit, &normal)).0)
+    (nearest.0, normal)
 }
 
 /// Where a camera sees a point, pixels from the upper left corner of its picture.

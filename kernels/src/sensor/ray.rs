@@ -2,7 +2,7 @@
 
 use super::frame::Frame;
 use crate::lane::{Lane, Mask, Real};
-use crate::math::vec3::{Vec3, build, dot, mul_t, normalize, select, sub};
+use crate::math::vec3::{Vec3, build, cross, dot, mul_t, normalize, scale, select, sub};
 use crate::model::Shape;
 
 /// The nearest meeting so far; less than 0: none.
@@ -90,7 +90,7 @@ pub(super) fn distance<L: Lane>(shape: Shape, size: &Vec3<L>, p: &Vec3<L>, v: &V
                 }
             }
         }
-        // Meshes are met triangle by triangle; the compiler refuses rays where there are height fields.
+        // Meshes and height fields are met triangle by triangle.
         Shape::Mesh | Shape::HeightField => {}
     }
     nearest.0
@@ -141,6 +141,24 @@ pub(super) fn inside<L: Lane>(shape: Shape, size: &Vec3<L>, p: &Vec3<L>) -> L::M
         // Sites are neither.
         Shape::Plane | Shape::Mesh | Shape::HeightField => L::Mask::splat(false),
     }
+}
+
+/// Distance along a ray to a triangle, from either side, where it is met, and its normal.
+#[inline(always)]
+pub(super) fn triangle<L: Lane>([a, b, c]: [Vec3<L>; 3], p: &Vec3<L>, v: &Vec3<L>) -> (L, L::Mask, Vec3<L>) {
+    // How far towards b and c the ray passes, and how far along it that is, times a determinant (Möller and Trumbore, 1997).
+    let (one, other, start) = (sub(&b, &a), sub(&c, &a), sub(p, &a));
+    let (turned, moment) = (cross(v, &other), cross(&start, &one));
+    let det = dot(&one, &turned);
+    let some = det.abs().gt(L::of(L::Real::TINY));
+    let inverse = L::one() / L::select(some, det, L::one());
+    let (x, y) = (dot(&start, &turned) * inverse, dot(v, &moment) * inverse);
+    let within = x.ge(L::zero()) & y.ge(L::zero()) & (x + y).le(L::one());
+    let normal = cross(&one, &other);
+    // Those of thin triangles are small.
+    let most = normal[0].abs().max(normal[1].abs()).max(normal[2].abs());
+    let unit = L::one() / L::select(most.gt(L::zero()), most, L::one());
+    (dot(&other, &moment) * inverse, some & within, normalize(&scale(unit, &normal)).0)
 }
 
 /// Outward normal of a shape, in its axes, at a point of its surface.
