@@ -243,6 +243,51 @@ fn implicit_integrators_bear_stiff_servos() {
     }
 }
 
+/// MuJoCo's orientation after a step in which a ball turns by up to two turns and gains speed.
+#[test]
+fn rk4_counts_no_whole_turns() {
+    let cases: [([f64; 3], [f64; 3], [f64; 4]); 4] = [
+        (
+            [2.0, -1.0, 2.0],
+            [0.4, 0.3, -0.2],
+            [0.05668718544856584, 0.7199886123026816, -0.23999638067231, 0.648694611064845],
+        ),
+        (
+            [3.0, -4.0, 1.0],
+            [0.2, -0.5, 0.3],
+            [-0.9007566045312932, 0.24364837671413947, -0.34868825872553444, 0.08768982919800283],
+        ),
+        (
+            [4.0, 4.0, -2.0],
+            [-0.3, 0.1, 0.4],
+            [-0.9786982344668129, 0.14146289255271627, 0.13789904341349818, -0.05587369423802194],
+        ),
+        (
+            [9.0, -7.0, 5.0],
+            [0.5, 0.2, -0.4],
+            [0.9994242547037825, -0.025107269484694057, 0.018741107325587158, -0.013021329618083003],
+        ),
+    ];
+    let model = parse(
+        "<mujoco><option integrator='RK4' timestep='1' gravity='0 0 0'/><worldbody><body><joint type='ball'/>
+        <inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></body></worldbody></mujoco>",
+    );
+    for (precision, backend) in PRECISIONS.into_iter().flat_map(|p| BACKENDS.map(|b| (p, b))) {
+        let mut worlds = Worlds::new(&model, cases.len(), &options(precision, backend)).expect("a batch");
+        for (world, (qvel, force, _)) in cases.iter().enumerate() {
+            worlds.set(Field::Qvel, world, qvel).expect("a velocity");
+            worlds.set(Field::QfrcApplied, world, force).expect("a force");
+        }
+        worlds.step(1).expect("a step");
+        let tolerance = if precision == Precision::F64 { 1e-14 } else { 1e-5 };
+        for (world, (_, _, expected)) in cases.iter().enumerate() {
+            let got = worlds.get(Field::Qpos, world).expect("a state");
+            let off = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off <= tolerance, "{precision:?} {backend:?} {world}: {got:?}, off by {off:.1e}");
+        }
+    }
+}
+
 /// Derived outputs of a rollout are those of the state from which the step starts, whatever the integrator evaluates after.
 #[test]
 fn outputs_are_of_the_first_evaluation() {

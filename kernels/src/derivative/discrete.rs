@@ -10,7 +10,7 @@ use crate::passive::{damper_slope, shift_from_rest, tendon_damper_slope, tendon_
 use crate::state::State;
 use crate::tendon::{self, Tendons};
 
-/// Adds h D + h² K to a matrix, writes h K v, and where actuators add to it.
+/// Adds h D + h² K to a matrix, writes h K v, and where actuators and tendons add to it.
 pub(super) fn add<L: Lane>(
     model: Instance<'_, L>,
     state: &State<L>,
@@ -38,7 +38,7 @@ pub(super) fn add<L: Lane>(
             }
         }
     }
-    tendons(&model, stages.tendons, h, (matrix, pull));
+    tendons(&model, stages.tendons, h, (matrix, pull, joined));
     if model.features.actuation {
         gains(model, stages.actuation, |Gain { dofs, moment, length, velocity }| {
             let (spring, damper) = ((-length).max(L::zero()), (-velocity).max(L::zero()));
@@ -59,7 +59,12 @@ pub(super) fn add<L: Lane>(
 }
 
 /// Of dampers and springs of tendons.
-fn tendons<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, h: L, (matrix, pull): (&mut [L], &mut [L])) {
+fn tendons<L: Lane>(
+    model: &Model<L::Real>,
+    tendons: &Tendons<L>,
+    h: L,
+    (matrix, pull, joined): (&mut [L], &mut [L], &mut [L]),
+) {
     let Features { springs, dampers, .. } = model.features;
     let acts = |tendon: &Tendon<L::Real>| springs && tendon.spring || dampers && tendon.damped;
     for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
@@ -68,6 +73,9 @@ fn tendons<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, h: L, (matrix,
         let spring = if springs { tendon_spring_slope(tendon, tendons.length[t]) } else { zero };
         let held = h * spring.max(zero);
         let both = h.mul_add(held, h * damper.max(zero));
+        for (dof, _) in tendon::columns(model, t, &tendons.jacobian) {
+            joined[dof] = L::select(both.gt(zero), L::one(), joined[dof]);
+        }
         tendon::add_square(model, t, &tendons.jacobian, both, matrix);
         tendon::pull(model, t, &tendons.jacobian, held * speed, pull);
     }

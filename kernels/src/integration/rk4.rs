@@ -4,6 +4,8 @@
 //! vector and ω the velocity in the turned frame, u' = dexp⁻¹(u) ω (Munthe-Kaas, High order Runge-Kutta methods on manifolds, Appl.
 //! Numer. Math. 29, 1999). The mean of angular velocities would be of second order only.
 
+use std::f64::consts::PI;
+
 use super::{Integration, activations, advance};
 use crate::fields::fields;
 use crate::lane::{Lane, Real, sin_cos};
@@ -160,10 +162,16 @@ fn corrected<L: Lane>(model: &Model<L::Real>, qvel: &[L], reached: L, rate: &mut
     }
 }
 
-/// dexp⁻¹(u) ω = ω + ½ u × ω + c u × (u × ω), c = (1 - ½θ cot ½θ) / θ², θ = ‖u‖.
+/// dexp⁻¹(u) ω = ω + ½ u × ω + c u × (u × ω), c = (1 - ½θ cot ½θ) / θ², θ = ‖u‖, of the shortest u that leads to the same
+/// orientation: whole turns do not count.
 fn rate_of_turn<L: Lane>(u: &[L; 3], w: &[L; 3]) -> [L; 3] {
-    let angle = norm(u);
-    let small = angle.lt(L::of(SMALL));
+    let whole = norm(u);
+    let turns = (whole * L::of(0.5 / PI)).round();
+    let angle = turns.neg_mul_add(L::of(2.0 * PI), whole);
+    let none = whole.lt(L::of(SMALL));
+    let share = L::select(none, L::one(), angle / L::select(none, L::one(), whole));
+    let u = &u.map(|x| share * x);
+    let small = angle.abs().lt(L::of(SMALL));
     let safe = L::select(small, L::one(), angle);
     let half = safe * L::of(0.5);
     let (sin, cos) = sin_cos(half);
