@@ -68,7 +68,7 @@ fn bad_actuators() {
     check("<damper joint='j'/>", "1: damper: a damper needs a ctrlrange");
     check("<damper joint='j' ctrlrange='-1 1'/>", "1: damper: the ctrlrange of a damper must not be negative");
     let missing = |what: &str| format!("{what} not supported (a lenient load leaves it out)");
-    check("<general name='a' body='b'/>", &missing("1: general \"a\": transmission through a body is"));
+    check("<dcmotor name='a' joint='j'/>", &missing("1: dcmotor \"a\": actuators of kind dcmotor are"));
     check(
         "<motor slidersite='s'/>",
         "1: motor: nothing to act on (give joint, jointinparent, tendon, site, cranksite or body)",

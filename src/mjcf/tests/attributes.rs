@@ -31,7 +31,6 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("site tendon fixed spatial", "rgba", LOOKS),
     ("light", "*", LOOKS),
     ("camera", "ipd output target", LOOKS),
-    ("camera", "principalpixel", "a length, which follows with sensorsize"),
     ("geom", "hfield", MESHES),
     ("mesh hfield", "*", MESHES),
     ("geom", "fluidcoef", "only of ellipsoids in a medium (fluidshape)"),
