@@ -97,7 +97,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links, nsensordata: usi
         ("njnt", scene.joints.len()),
         ("ngeom", scene.geoms.len()),
         ("nsite", scene.sites.len()),
-        ("ntree", links.tree_ids().into_iter().max().map_or(0, |last| last as usize + 1)),
+        ("ntree", links.tree_ids().into_iter().max().map_or(0, |last| (last + 1) as usize)),
         ("ntendon", spec.tendons.len()),
         ("neq", spec.equalities.len()),
         ("nsensor", spec.sensors.len()),

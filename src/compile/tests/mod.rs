@@ -401,6 +401,10 @@ fn hinge_named(name: &str) -> Joint {
 
 #[test]
 fn mocap_bodies_are_links_without_joints() {
+    let trees = |model: &Model| model.sizes().iter().find(|(name, _)| *name == "ntree").map(|(_, n)| *n);
+    let mut alone = Spec::new("alone");
+    alone.add_body(0, Body { mocap: true, geoms: vec![ball(0.1)], ..body(0, [0.0; 3]) });
+    assert_eq!(trees(&model(&alone)), Some(0));
     let mut spec = Spec::new("mocap");
     let hand = spec.add_body(0, Body { mocap: true, geoms: vec![ball(0.1)], ..body(0, [0.0, 0.0, 1.0]) });
     spec.add_body(hand, Body { joints: vec![hinge()], geoms: vec![ball(0.1)], ..Body::default() });
@@ -411,6 +415,7 @@ fn mocap_bodies_are_links_without_joints() {
     assert_eq!((place.link, place.pos), (0, [0.0; 3]));
     assert_eq!((tables.links[0].mocap, tables.links[0].pos, tables.links[0].dofs.len), (0, [0.0, 0.0, 1.0], 0));
     assert_eq!((tables.links[1].mocap, tables.links[1].parent, tables.sizes.nv), (NONE, 0, 1));
+    assert_eq!(trees(&model), Some(1));
     let key = &model.keys()[0];
     assert_eq!(
         (key.mpos.as_slice(), key.mquat.as_slice()),
