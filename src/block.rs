@@ -2,7 +2,7 @@
 //! worked on. In between they are in the store.
 
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{Model, Sizes, Varied};
+use lanesim_kernels::model::{Model, NONE, Sizes, Varied};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
 use crate::field::{Field, Home};
@@ -35,6 +35,10 @@ impl<L: LaneQuery> Block<L> {
         }
         for (active, active0) in state.eq_active.iter_mut().zip(&model.eq_active0) {
             *active = L::splat(*active0);
+        }
+        let poses = state.mocap_pos.iter_mut().zip(&mut state.mocap_quat);
+        for (link, (pos, quat)) in model.links.iter().filter(|link| link.mocap != NONE).zip(poses) {
+            (*pos, *quat) = (link.pos.map(L::splat), link.quat.map(L::splat));
         }
         Block {
             state,

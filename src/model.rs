@@ -306,11 +306,14 @@ impl Model {
     /// The state in which worlds start: the reference configuration at rest, without controls.
     pub fn initial_key(&self) -> Key {
         let sizes = &self.tables().sizes;
+        let mocap = || self.tables().links.iter().filter(|link| link.mocap != kernel::NONE);
         Key {
             qpos: self.tables().qpos0.clone(),
             qvel: vec![0.0; sizes.nv],
             act: vec![0.0; sizes.na],
             ctrl: vec![0.0; sizes.nu],
+            mpos: mocap().flat_map(|link| link.pos).collect(),
+            mquat: mocap().flat_map(|link| link.quat).collect(),
             eq_active: self.tables().eq_active0.clone(),
             ..Key::default()
         }

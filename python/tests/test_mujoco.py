@@ -75,6 +75,10 @@ def test_every_model_of_the_repository_is_taken_over() -> None:
             lanesim.Model.from_xml_path(path)
         except lanesim.ModelError:
             continue
+        if exact.nhfield:
+            with pytest.raises(lanesim.ModelError, match="height fields"):
+                lanesim.Model.from_mjmodel(exact)
+            continue
         lanesim.Model.from_mjmodel(exact)  # Which compares all arrays.
         taken += 1
     assert taken > 100
@@ -127,11 +131,6 @@ def test_changes_after_loading_count() -> None:
             "",
             "<tendon><fixed name='t' stiffness='1' springyield='1'><joint joint='j' coef='1'/></fixed></tendon>",
             'MjModel: fixed "t": .*springyield',
-        ),
-        (
-            "",
-            "<actuator><general body='b'/></actuator>",
-            "MjModel: general.*: transmission through a body",
         ),
         ("<option><flag sleep='enable'/></option>", "", "sleeping trees"),
     ],

@@ -286,11 +286,11 @@ def test_mocap_bodies_are_moved_per_world(precision) -> None:
     worlds.mocap_pos = [[[1.0, 2.0, 3.0]], [[0.0, 0.0, 1.0]], [[1.0, 2.0, 3.31]]]
     worlds.mocap_quat = [[[1.0, 0.0, 0.0, 0.0]], [[3.0, 0.0, 0.0, 3.0]], [[1.0, 0.0, 0.0, 0.0]]]
     worlds.step(nstep=2)
-    seen = worlds.get(["xpos", "xquat", "site_xpos", "contact_dist"])
+    seen = worlds.get(["xpos", "xquat", "site_xpos", "ncon"])
     np.testing.assert_allclose(seen["xpos"][1, 1], [0.0, 0.0, 1.0])
     np.testing.assert_allclose(seen["xquat"][1, 1], [0.5**0.5, 0.0, 0.0, 0.5**0.5], rtol=1e-6)
     np.testing.assert_allclose(seen["site_xpos"][:, 0], [[1.0, 2.2, 3.0], [-0.2, 0.0, 1.0], [1.0, 2.2, 3.31]], atol=1e-6)
-    assert [len(row) for row in seen["contact_dist"]] == [0, 0, 1]
+    assert seen["ncon"].ravel().tolist() == [0, 0, 1]
     assert worlds.qvel[2, 2] > 0.0 > worlds.qvel[0, 2]
     worlds.reset(key=1)
     np.testing.assert_array_equal(worlds.mocap_pos[:, 0], np.broadcast_to([1.0, 2.0, 4.0], (3, 3)))
@@ -303,7 +303,7 @@ def test_a_mocap_body_that_jumps_onto_another_is_not_missed() -> None:
     worlds = lanesim.Worlds(lanesim.Model.from_xml_string(MOCAP), 1)
     worlds.mocap_pos = [[[50.0, 0.0, 0.0]]]
     worlds.step(nstep=5)
-    worlds.mocap_pos = worlds.get("xpos")[:, 2:] + [0.0, 0.0, -0.15]
+    worlds.mocap_pos = worlds.get("xpos")[:, 3:] + [0.0, 0.0, -0.15]
     worlds.step()
     assert len(worlds.get("contact_dist")[0]) == 1
     assert worlds.qvel[0, 2] > 0.0
