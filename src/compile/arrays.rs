@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
 use lanesim_kernels::model::NONE;
 use lanesim_kernels::options::{Cone, Integrator, Options, Solver};
 
@@ -12,7 +13,7 @@ use super::links::Links;
 use super::order::Scene;
 use super::pairs;
 use crate::model::{Array, ArrayData, Key, Names};
-use crate::spec::{Bias, Dynamics, Gain, JointKind, Shape, Spec, Transmission, is_limited};
+use crate::spec::{Bias, Dynamics, Gain, Geom, HeightField, JointKind, Shape, Spec, Transmission, is_limited};
 
 /// What the arrays show.
 pub(crate) struct Sources<'a> {
@@ -201,13 +202,21 @@ fn geoms(s: &Sources, out: &mut Arrays) {
     out.reals("geom_size", 3, geoms.iter().flat_map(|g| g.spec.size));
     out.reals("geom_pos", 3, geoms.iter().flat_map(|g| g.written.pos.to_array()));
     out.reals("geom_quat", 4, geoms.iter().flat_map(|g| g.written.wxyz()));
-    out.reals("geom_rbound", 0, geoms.iter().map(|g| pairs::bounding_radius(g.spec)));
+    out.reals("geom_rbound", 0, geoms.iter().map(|g| reported_radius(s, g.spec)));
     out.reals("geom_friction", 3, geoms.iter().flat_map(|g| g.spec.friction));
     out.reals("geom_solmix", 0, geoms.iter().map(|g| g.spec.solmix));
     out.reals("geom_solref", 2, geoms.iter().flat_map(|g| g.spec.solref));
     out.reals("geom_solimp", 5, geoms.iter().flat_map(|g| g.spec.solimp));
     out.reals("geom_margin", 0, geoms.iter().map(|g| g.spec.margin));
     out.reals("geom_gap", 0, geoms.iter().map(|g| g.spec.gap));
+}
+
+/// Radius of the bounding sphere as MuJoCo has it: of a height field by its largest height or its base, whichever is more.
+fn reported_radius(s: &Sources, geom: &Geom) -> f64 {
+    match s.spec.hfields.iter().find(|field| geom.shape == Shape::HeightField && field.name == geom.hfield) {
+        Some(HeightField { size: [x, y, top, base], .. }) => DVec3::new(*x, *y, top.max(*base)).length(),
+        None => pairs::bounding_radius(geom),
+    }
 }
 
 fn sites(s: &Sources, out: &mut Arrays) {
