@@ -53,6 +53,16 @@ def reference(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, np.ndarra
     return out
 
 
+def moved(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, np.ndarray]:
+    """MuJoCo's results for a state that is a rounding away from another: what nobody can tell better."""
+    near = mujoco.MjData(model)
+    rng = np.random.default_rng(0)
+    for name in ("qpos", "qvel", "act", "ctrl"):
+        own = getattr(data, name)
+        getattr(near, name)[:] = own * (1.0 + 1e-15 * rng.standard_normal(own.shape))
+    return reference(model, near)
+
+
 def iterates(model: lanesim.Model) -> bool:
     """Whether some shape can touch whose contacts with others than planes come from iterative routines, as good as their tolerance."""
     colliding = model.geom_type[(model.geom_contype | model.geom_conaffinity) != 0]
@@ -108,7 +118,9 @@ def mismatches(exact: mujoco.MjModel, model: lanesim.Model) -> list[str]:
             solved = name in ("qfrc_constraint", "qacc")
             error = field_error(ours[name][i], wanted[name].reshape(ours[name][i].shape))
             smooth = SAME_FRAME if name == "geom_xmat" else SMOOTH
-            if error > (SOLVED * loose if solved else smooth):
+            limit = SOLVED * loose if solved else smooth
+            # Paths of tendons may hang on the last digit: as far as MuJoCo's own numbers move, ours may be off.
+            if error > limit and error > 10.0 * field_error(moved(exact, given[i])[name], wanted[name]):
                 out.append(f"state {i}: {name}: {error:.1e}")
         if field_error(found, wanted["contact_dist"]) > SMOOTH * loose:
             out.append(f"state {i}: contact_dist: {field_error(found, wanted['contact_dist']):.1e}")
