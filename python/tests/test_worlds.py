@@ -309,6 +309,20 @@ def test_a_mocap_body_that_jumps_onto_another_is_not_missed() -> None:
     assert worlds.qvel[0, 2] > 0.0
 
 
+def test_the_surface_of_a_mocap_body_turns_about_the_body() -> None:
+    def speeds(mocap: str) -> np.ndarray:
+        xml = f"""<mujoco><worldbody>
+          <body {mocap} pos="1 2 .5"><geom type="box" size=".5 .5 .1" surfacevel=".1 0 0 0 0 3"/></body>
+          <body pos="1.3 2 .69"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+        worlds = lanesim.Worlds(lanesim.Model.from_xml_string(xml), 1)
+        worlds.step(nstep=20)
+        return worlds.qvel[0]
+
+    still, moved = speeds(""), speeds("mocap='true'")
+    assert abs(still[1]) > 0.01
+    np.testing.assert_allclose(moved, still, rtol=1e-9, atol=1e-12)
+
+
 def test_impossible_mocap_poses_are_refused_or_flagged() -> None:
     worlds = lanesim.Worlds(lanesim.Model.from_xml_string(MOCAP), 2)
     with pytest.raises(lanesim.InputError, match="mocap_pos"):

@@ -6,7 +6,7 @@ use crate::collision::{Collision, Contact, reference};
 use crate::lane::{Lane, Real};
 use crate::math::spatial::join;
 use crate::math::tree;
-use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
+use crate::math::vec3::{add, cross, neg, row, sub};
 use crate::model::{Instance, Model, NONE, Transmission};
 use crate::passive::Passive;
 use crate::position::Position;
@@ -53,34 +53,17 @@ fn contacts<L: Lane>(
         }
         let contact = Contact(&collision.found[slot.place as usize]);
         let exists = contact.dist().lt(L::of(L::Real::MAXVAL));
-        let (one, normal) = (L::select(exists, L::one(), L::zero()), row(contact.frame(), 0));
+        let normal = row(contact.frame(), 0);
         let origin = position.origin_of(model, reference(pair));
-        count += one;
+        count += L::select(exists, L::one(), L::zero());
         for (link, way) in [(pair.link1, normal), (pair.link2, neg(&normal))] {
             if link != NONE {
                 let at = add(&contact.pos(), &sub(&origin, &position.origin_of(model, link)));
-                push(model, position, link, (&at, &way), one, moment);
+                let wrench = join(&cross(&at, &way), &way).map(|x| L::select(exists, x, L::zero()));
+                tree::push(model, &position.cdof, link as usize, &wrench, moment);
             }
         }
     }
     let share = L::one() / count.max(L::one());
     moment.iter_mut().for_each(|moment| *moment *= share);
-}
-
-/// Adds what a unit of force at a point of a link does, where `one` is 1.
-fn push<L: Lane>(
-    model: &Model<L::Real>,
-    position: &Position<L>,
-    link: u32,
-    (at, way): (&Vec3<L>, &Vec3<L>),
-    one: L,
-    moment: &mut [L],
-) {
-    let wrench = join(&cross(at, way), way);
-    let mut dof = model.links[link as usize].dofs.range().end as u32 - 1;
-    while dof != NONE {
-        let own = tree::project(model, &position.cdof, dof as usize, &wrench);
-        moment[dof as usize] += L::select(one.gt(L::zero()), own, L::zero());
-        dof = model.dofs[dof as usize].parent;
-    }
 }

@@ -5,7 +5,7 @@ use super::{Cone, Constraint};
 use crate::collision::{Collision, Contact, body, reference};
 use crate::lane::Lane;
 use crate::math::vec3::{Vec3, add, cross_add, dot, mul, row, scale, splat, sub, zero};
-use crate::model::{Instance, NONE};
+use crate::model::Instance;
 use crate::position::Position;
 
 /// Adds the speeds of surfaces to the rows of contacts that are listed.
@@ -20,12 +20,12 @@ pub fn drive<L: Lane>(
         let pair = &model.pairs[row_of.pair as usize];
         let contact = Contact(&collision.found[row_of.place as usize]);
         let at = add(&position.origin_of(&model, reference(pair)), &contact.pos());
-        let sides = [(pair.geom1, pair.link1, -L::one()), (pair.geom2, pair.link2, L::one())];
+        let sides = [(pair.geom1, -L::one()), (pair.geom2, L::one())];
         let (mut slide, mut spin) = (zero(), zero());
         let mut driven = false;
-        for (geom, link, sign) in sides {
+        for (geom, sign) in sides {
             for belt in model.belts.iter().filter(|belt| belt.geom == geom) {
-                let [shift, turn] = surface(model, position, (geom, link), &belt.velocity, &at);
+                let [shift, turn] = surface(model, position, geom, &belt.velocity, &at);
                 slide = add(&slide, &scale(sign, &shift));
                 spin = add(&spin, &scale(sign, &turn));
                 driven = true;
@@ -49,14 +49,14 @@ pub fn drive<L: Lane>(
 fn surface<L: Lane>(
     model: Instance<'_, L>,
     position: &Position<L>,
-    (geom, link): (u32, u32),
+    geom: u32,
     velocity: &[L::Real; 6],
     at: &Vec3<L>,
 ) -> [Vec3<L>; 2] {
     let own = body(model, position, geom as usize);
     let [x, y, z, a, b, c]: [L; 6] = splat(velocity);
     let turn = mul(&own.rot, &[a, b, c]);
-    let origin = if link == NONE { zero() } else { position.origin_of(&model, link) };
+    let origin = position.origin_of(&model, model.geoms[geom as usize].link);
     let arm = sub(at, &add(&origin, &own.pos));
     [cross_add(&turn, &arm, &mul(&own.rot, &[x, y, z])), turn]
 }
