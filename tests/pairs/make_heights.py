@@ -4,15 +4,15 @@
     python tests/pairs/make_heights.py
 
 heights.npz holds `qpos` [20, 42] and of each pose's contacts, padded with zeros, `pair` [20, 120] (number of the body, or -1), `dist`
-[20, 120], `pos` and `normal` [20, 120, 3]; and the field's heights as compiled, `data`. Left out are poses whose contacts change
-with a motion of 1e-7, and those where MuJoCo's search does not find the shortest way of the box out of a prism, by separating axes.
+[20, 120], `pos` and `normal` [20, 120, 3]. Left out are poses whose contacts change with a motion of 1e-7, and those where MuJoCo's
+search does not find the shortest way of the box out of a prism, by separating axes.
 """
 
 import itertools
 
 import mujoco
 import numpy as np
-from make_manifold import HERE, VERSION, quaternion, same, save
+from make_manifold import HERE, quaternion, record
 
 POSES, MOST, BODIES = 20, 120, 6
 
@@ -75,31 +75,13 @@ def pose(m, rng):
 
 
 def main():
-    if mujoco.__version__ != VERSION:
-        raise SystemExit(f"MuJoCo {VERSION} is needed, this is {mujoco.__version__}")
     m = mujoco.MjModel.from_xml_string((HERE / "heights.xml").read_text())
-    rng = np.random.default_rng(1)
-    poses, rows = [], []
-    while len(poses) < POSES:
-        qpos = pose(m, rng)
-        found, near = contacts(m, qpos), qpos.copy()
-        mujoco.mj_integratePos(m, near, rng.standard_normal(m.nv), 1e-7)
+
+    def keeps(qpos, found):
         box, shortest = sorted(found[found[:, 0] == 4, 1]), box_distances(m, qpos)
-        if len(box) != len(shortest) or not np.allclose(box, shortest, rtol=0, atol=1e-7):
-            continue
-        if same(found, contacts(m, near), 1e-4):
-            poses.append(qpos)
-            rows.append(found)
-    pad = lambda x, fill: np.concatenate([x, np.full((MOST - len(x), *x.shape[1:]), fill)])  # noqa: E731
-    arrays = {
-        "qpos": np.array(poses),
-        "pair": np.array([pad(r[:, 0], -1) for r in rows]),
-        "dist": np.array([pad(r[:, 1], 0.0) for r in rows]),
-        "pos": np.array([pad(r[:, 2:5], 0.0) for r in rows]),
-        "normal": np.array([pad(r[:, 5:], 0.0) for r in rows]),
-        "data": np.array(m.hfield_data),
-    }
-    print(save(HERE / "heights.npz", arrays), "bytes", np.bincount([len(r) for r in rows]))
+        return len(box) == len(shortest) and np.allclose(box, shortest, rtol=0, atol=1e-7)
+
+    record("heights.npz", m, contacts, pose, keeps, POSES, MOST)
 
 
 if __name__ == "__main__":

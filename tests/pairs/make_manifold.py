@@ -91,23 +91,20 @@ def pose(m, rng):
     return at(low - rng.uniform(0.002, 0.04, PAIRS))
 
 
-def main():
+def record(name, m, found_at, pose, keeps, count, most):
+    """Poses whose contacts bear a motion of 1e-7 and that `keeps` accepts; their contacts, padded; the file's size is printed."""
     if mujoco.__version__ != VERSION:
         raise SystemExit(f"MuJoCo {VERSION} is needed, this is {mujoco.__version__}")
-    m = mujoco.MjModel.from_xml_string(TEXT)
-    others = [mujoco.MjModel.from_xml_string(turned(TEXT, seed)) for seed in range(8)]
     rng = np.random.default_rng(1)
     poses, rows = [], []
-    while len(poses) < POSES:
+    while len(poses) < count:
         qpos = pose(m, rng)
-        found, near = contacts(m, qpos), qpos.copy()
+        found, near = found_at(m, qpos), qpos.copy()
         mujoco.mj_integratePos(m, near, rng.standard_normal(m.nv), 1e-7)
-        if same(found, contacts(m, near), 1e-4) and all(
-            same(found, contacts(other, qpos), 1e-5) for other in others
-        ):
+        if keeps(qpos, found) and same(found, found_at(m, near), 1e-4):
             poses.append(qpos)
             rows.append(found)
-    pad = lambda x, fill: np.concatenate([x, np.full((MOST - len(x), *x.shape[1:]), fill)])  # noqa: E731
+    pad = lambda x, fill: np.concatenate([x, np.full((most - len(x), *x.shape[1:]), fill)])  # noqa: E731
     arrays = {
         "qpos": np.array(poses),
         "pair": np.array([pad(r[:, 0], -1) for r in rows]),
@@ -115,7 +112,13 @@ def main():
         "pos": np.array([pad(r[:, 2:5], 0.0) for r in rows]),
         "normal": np.array([pad(r[:, 5:], 0.0) for r in rows]),
     }
-    print(save(HERE / "manifold.npz", arrays), "bytes", np.bincount([len(r) for r in rows]))
+    print(save(HERE / name, arrays), "bytes", np.bincount([len(r) for r in rows]))
+
+
+def main():
+    others = [mujoco.MjModel.from_xml_string(turned(TEXT, seed)) for seed in range(8)]
+    keeps = lambda qpos, found: all(same(found, contacts(other, qpos), 1e-5) for other in others)  # noqa: E731
+    record("manifold.npz", mujoco.MjModel.from_xml_string(TEXT), contacts, pose, keeps, POSES, MOST)
 
 
 if __name__ == "__main__":
