@@ -51,12 +51,13 @@ def binary() -> bytes:
 def test_fields_from_files_are_those_of_mujoco(tmp_path: pathlib.Path, data: bytes, kind: str) -> None:
     (tmp_path / "field.png").write_bytes(data)
     places = [(i, j) for i in range(9) for j in range(9)]
-    sites = "".join(f"<site name='{i} {j}' pos='{0.22 * i - 0.9} {0.2 * j - 0.8} 3' euler='180 0 0'/>" for i, j in places)
+    sites = "".join(f"<site name='{i} {j}' pos='{0.22 * i - 0.9} {0.2 * j - 0.8} 0' euler='180 0 0'/>" for i, j in places)
     rays = "".join(f"<rangefinder site='{i} {j}'/>" for i, j in places)
     path = tmp_path / "model.xml"
     path.write_text(
         f"""<mujoco><asset><hfield name='field' file='field.png' {kind} size='1 .9 .5 .1'/></asset>
-        <worldbody><geom type='hfield' hfield='field'/>{sites}</worldbody><sensor>{rays}</sensor></mujoco>"""
+        <worldbody><geom type='hfield' hfield='field'/>
+        <body pos='0 0 3'><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>{sites}</body></worldbody><sensor>{rays}</sensor></mujoco>"""
     )
     exact = mujoco.MjModel.from_xml_path(str(path))
     theirs = mujoco.MjData(exact)
