@@ -1,5 +1,7 @@
 //! `lanesim info`: what a model is.
 
+use std::time::Instant;
+
 use clap::Args;
 use lanesim::plan::{Part, Plan};
 use lanesim::{CodePart, Model, Worlds, suggest};
@@ -49,10 +51,11 @@ impl Info {
         if let Some(part) = &self.disassembly {
             return disassembly(&self.code(&model)?, part);
         }
+        let first_step = self.first_step(&model, seconds).ok();
         let code = if self.native { Some(self.code(&model)?) } else { None };
         let parts = Plan::step(&outputs).parts(&model);
         if self.json {
-            return output::json(&json_of(&model, memory, seconds, &parts, code.as_deref()));
+            return output::json(&json_of(&model, memory, (seconds, first_step), &parts, code.as_deref()));
         }
         output::notes("left out", &model.report().losses);
         output::notes("note", &model.report().notes);
@@ -65,7 +68,11 @@ impl Info {
         rows.push(("integrator", options.integrator.to_string()));
         rows.push(("cone", format!("{:?}", options.cone)));
         rows.push(("solver", format!("{:?}", options.solver)));
-        rows.push(("loaded in", format!("{:.1} ms", seconds * 1e3)));
+        rows.push(("loaded in", milliseconds(seconds)));
+        rows.push((
+            "first step after",
+            first_step.map_or_else(|| "none is possible; `lanesim check` says why".into(), milliseconds),
+        ));
         output::table(&rows)?;
         let line =
             |part: &Part| (part.name, format!("{} {}", if part.runs { "runs:" } else { "left out:" }, part.what));
@@ -73,6 +80,13 @@ impl Info {
             &[vec![("", String::new()), ("a step", String::new())], parts.iter().map(line).collect()].concat(),
         )?;
         code.map_or(Ok(()), |code| output::table(&code_rows(&code)))
+    }
+
+    /// Seconds from the start of loading, which took `load_seconds`, to the end of a world's first step: what a user waits for.
+    fn first_step(&self, model: &Model, load_seconds: f64) -> Result<f64, Failure> {
+        let start = Instant::now();
+        self.run.worlds(model, 1, None)?.step(1)?;
+        Ok(load_seconds + start.elapsed().as_secs_f64())
     }
 
     /// The machine code, or an error that says why there is none.
@@ -84,6 +98,10 @@ impl Info {
             (None, Some(_)) => Ok(worlds.code()),
         }
     }
+}
+
+fn milliseconds(seconds: f64) -> String {
+    format!("{:.1} ms", seconds * 1e3)
 }
 
 /// Prints the instructions of one part.
@@ -139,14 +157,21 @@ fn code_json(code: &[CodePart]) -> Value {
     code.iter().map(part).collect()
 }
 
-fn json_of(model: &Model, memory: (usize, usize), seconds: f64, parts: &[Part], code: Option<&[CodePart]>) -> Value {
+fn json_of(
+    model: &Model,
+    memory: (usize, usize),
+    (load, first_step): (f64, Option<f64>),
+    parts: &[Part],
+    code: Option<&[CodePart]>,
+) -> Value {
     let mut out = Map::new();
     out.insert("model".into(), model.name().into());
     out.extend(model.sizes().iter().map(|(name, n)| ((*name).to_owned(), Value::from(*n))));
     out.insert("bytes_per_world".into(), memory.0.into());
     out.insert("scratch_bytes_per_thread".into(), memory.1.into());
     out.insert("timestep".into(), model.tables().options.timestep.into());
-    out.insert("load_seconds".into(), seconds.into());
+    out.insert("load_seconds".into(), load.into());
+    out.insert("first_step_seconds".into(), first_step.into());
     let part = |part: &Part| json!({ "stage": part.name.trim(), "runs": part.runs, "what": part.what });
     out.insert("plan".into(), parts.iter().map(part).collect());
     if let Some(code) = code {

@@ -60,7 +60,7 @@ pub fn classes<T>(model: &Model<T>) -> (Vec<Class>, Vec<u32>) {
 }
 
 /// Most pairs that are all tested in groups. Of more, most are far from each other, and are passed over one by one.
-const MOST_PAIRS: usize = 600;
+const MOST_PAIRS: usize = 1000;
 /// Pairs of the first group; each group has twice as many as the one before.
 const FIRST_GROUP: usize = 16;
 
