@@ -156,6 +156,42 @@ fn convex_shapes_after_resets() {
     in_company_as_alone("sphere_ellipsoid", &load("convex/sphere_ellipsoid"), 60);
 }
 
+/// What a search for contacts remembers of the last one saves work, and changes nothing: a step among others is that of worlds that
+/// were just made.
+#[test]
+fn convex_shapes_have_no_past() {
+    let body = |shape: &str, x: f64| format!("<body pos='{x} 0 .3'><freejoint/><geom {shape}/></body>");
+    let shapes = ["type='mesh' mesh='gem'", "type='cylinder' size='.08 .1'", "type='ellipsoid' size='.1 .07 .12'"];
+    let bodies: String = (0..6).map(|i| body(shapes[i % 3], 0.22 * i as f64)).collect();
+    let text = format!(
+        "<mujoco><asset><mesh name='gem' vertex='.1 0 0 -.1 0 0 0 .1 0 0 -.1 0 0 0 .1 0 0 -.1 .07 .07 .07'/></asset>
+        <worldbody><geom type='plane' size='5 5 1'/><geom type='box' size='.5 .1 .1' euler='0 20 10'/>{bodies}</worldbody></mujoco>"
+    );
+    let model = parse(&text);
+    let sizes = &model.tables().sizes;
+    let fields = [Field::Qpos, Field::Qvel, Field::QaccWarmstart];
+    for precision in [Precision::F64, Precision::F32] {
+        let options = options(precision, Backend::Wide);
+        let mut old = Worlds::new(&model, 16, &options).expect("a batch");
+        let random = &mut Random(5);
+        for world in 0..16 {
+            old.set(Field::Qvel, world, &random.vector(sizes.nv, 2.0)).expect("a state");
+        }
+        for step in 0..150 {
+            let mut new = Worlds::new(&model, 16, &options).expect("a batch");
+            for (world, field) in (0..16).flat_map(|world| fields.map(|field| (world, field))) {
+                new.set(field, world, &old.get(field, world).expect("a field")).expect("a state");
+            }
+            old.step(1).expect("a step");
+            new.step(1).expect("a step");
+            for (world, field) in (0..16).flat_map(|world| fields.map(|field| (world, field))) {
+                let [old, new] = [&old, &new].map(|worlds| worlds.get(field, world).expect("a field"));
+                assert_eq!(old, new, "{field:?} of world {world} after step {step} in {precision:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn legs_in_any_company() {
     in_company_as_alone("ant", &load("zoo/ant"), 30);

@@ -112,10 +112,10 @@ impl ConvexCollider for Apart {
     fn collide(
         &self,
         _: [Outline<'_>; 2],
-        _: &Body<f64>,
-        _: &Body<f64>,
+        _: [&Body<f64>; 2],
         _: f64,
         _: usize,
+        _: &mut [f64; 3],
         _: &mut dyn FnMut(Point<f64>),
     ) {
     }

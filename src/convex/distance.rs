@@ -14,8 +14,8 @@ const GAP: f64 = 1e-14;
 
 /// What the search finds.
 pub(super) enum Outcome {
-    /// Farther apart than asked for.
-    Far,
+    /// Farther apart than asked for, along a direction from the first to the second.
+    Far(DVec3),
     /// Apart.
     Apart(Nearest),
     /// Penetrating, or closer than can be told.
@@ -46,6 +46,11 @@ impl Simplex {
     }
 }
 
+/// Whether the cores are farther apart than `reach` along a direction from the first to the second; of none, it is not known.
+pub(super) fn is_far(solids: &[Solid<'_>; 2], reach: f64, along: DVec3) -> bool {
+    along != DVec3::ZERO && along.dot(difference(solids, -along).at) > reach * along.length()
+}
+
 /// Distance of the cores if it is above `touching` and at most `reach`.
 pub(super) fn distance(solids: &[Solid<'_>; 2], reach: f64, touching: f64) -> Outcome {
     let mut simplex = Simplex::of(&[(difference(solids, solids[0].centre - solids[1].centre), 1.0)]);
@@ -58,7 +63,7 @@ pub(super) fn distance(solids: &[Solid<'_>; 2], reach: f64, touching: f64) -> Ou
         let vertex = difference(solids, -v);
         let bound = v.dot(vertex.at) / length;
         if bound > reach {
-            return Outcome::Far;
+            return Outcome::Far(v);
         }
         let known = simplex.vertices[..simplex.len].iter().any(|x| x.at == vertex.at);
         if known || length - bound <= GAP * length {

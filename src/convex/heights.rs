@@ -66,6 +66,6 @@ fn touch(triangle: &[DVec3; 3], base: f64, other: &Solid<'_>, include: f64) -> O
         extent,
     };
     let solids = [ground, *other];
-    let found = point(&solids, &nearest(&solids, include + other.radius)?);
+    let found = point(&solids, &nearest(&solids, include + other.radius).ok()?);
     (found.dist <= include).then_some(found)
 }

@@ -24,6 +24,10 @@ use support::Solid;
 /// would be lost in rounding.
 const TOUCHING: f64 = 1e-7;
 
+/// Shapes that were apart are passed over if they still are by so much more than asked for, relative to their size: the search
+/// itself would then say so, too, whatever the rounding.
+const CLEAR: f64 = 1e-9;
+
 /// A collider by support functions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SupportCollider;
@@ -43,10 +47,10 @@ impl ConvexCollider for SupportCollider {
     fn collide(
         &self,
         outlines: [Outline<'_>; 2],
-        a: &Body<f64>,
-        b: &Body<f64>,
+        [a, b]: [&Body<f64>; 2],
         include: f64,
         most: usize,
+        axis: &mut [f64; 3],
         found: &mut dyn FnMut(Point<f64>),
     ) {
         if outlines[0].shape == Shape::Plane {
@@ -72,11 +76,18 @@ impl ConvexCollider for SupportCollider {
             return heights::collide(heights, &solids[1], include, &mut place);
         }
         let radius = solids[0].radius + solids[1].radius;
-        let Some(nearest) = nearest(&solids, include + radius) else { return };
-        let dist = nearest.dist - radius;
-        if dist > include {
+        let reach = include + radius;
+        if distance::is_far(&solids, reach + CLEAR * size, DVec3::from_array(*axis)) {
             return;
         }
+        let nearest = match nearest(&solids, reach) {
+            Ok(nearest) if nearest.dist - radius <= include => nearest,
+            Ok(Nearest { normal: far, .. }) | Err(far) => {
+                *axis = far.to_array();
+                return;
+            }
+        };
+        *axis = [0.0; 3];
         let mut add = |dist: f64, at: DVec3, normal: DVec3| {
             if dist <= include {
                 place(Point { dist, pos: at.to_array(), normal: normal.to_array() });
@@ -110,12 +121,12 @@ fn without_rounding(x: f64, size: f64) -> f64 {
     }
 }
 
-/// The nearest points, or `None` if the cores are farther apart than `reach`.
-fn nearest(solids: &[Solid<'_>; 2], reach: f64) -> Option<Nearest> {
+/// The nearest points, or a direction along which the cores are farther apart than `reach`.
+fn nearest(solids: &[Solid<'_>; 2], reach: f64) -> Result<Nearest, DVec3> {
     let size = solids[0].extent + solids[1].extent;
     match distance::distance(solids, reach, TOUCHING * size) {
-        distance::Outcome::Far => None,
-        distance::Outcome::Apart(nearest) => Some(nearest),
-        distance::Outcome::Touching => Some(penetration::penetration(solids, size)),
+        distance::Outcome::Far(along) => Err(along),
+        distance::Outcome::Apart(nearest) => Ok(nearest),
+        distance::Outcome::Touching => Ok(penetration::penetration(solids, size)),
     }
 }

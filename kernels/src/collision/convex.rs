@@ -19,15 +19,18 @@ pub struct Outline<'a> {
 ///
 /// Kernels know only this; the algorithm, and what it depends on, is the caller's. Equal arguments must give equal bits.
 pub trait ConvexCollider: Sync {
-    /// Adds the points of `a` and `b` that are within `include`, `most` at most. Positions of points lie midway between
-    /// the surfaces, normals point from `a` to `b`.
+    /// Adds the points of two bodies that are within `include`, `most` at most. Positions of points lie midway between
+    /// the surfaces, normals point from the first to the second.
+    ///
+    /// `axis`, in the axes of the first, is a direction along which shapes that were like these are apart, or zero; it may save the
+    /// search, but changes no result. It is left so for the next time.
     fn collide(
         &self,
         outlines: [Outline<'_>; 2],
-        a: &Body<f64>,
-        b: &Body<f64>,
+        bodies: [&Body<f64>; 2],
         include: f64,
         most: usize,
+        axis: &mut [f64; 3],
         add: &mut dyn FnMut(Point<f64>),
     );
 }

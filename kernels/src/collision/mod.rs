@@ -124,6 +124,8 @@ struct Extent {
     points: u32,
     /// Number of its class; [`NONE`]: it is treated world by world, for want of a formula in lanes.
     class: u32,
+    /// Its number among those.
+    single: u32,
 }
 
 /// Contacts of a block.
@@ -149,6 +151,14 @@ pub struct Collision<L> {
     pub parallel: Vec<L>,
     /// The contacts that exist in some world, in the order of pairs and points.
     pub slots: Vec<Slot>,
+    /// Of pairs that are treated world by world, along which axis each world's shapes were apart when they were last looked at.
+    axes: Vec<[f64; 3]>,
+}
+
+/// Number of the worlds' pairs that are treated world by world.
+fn singles<L: Lane>(of_pairs: &[u32]) -> usize {
+    let worlds = size_of::<L>() / size_of::<L::Real>();
+    worlds * of_pairs.iter().filter(|class| **class == NONE).count()
 }
 
 impl<L: Lane> Collision<L> {
@@ -156,7 +166,12 @@ impl<L: Lane> Collision<L> {
     pub fn new(model: &Model<L::Real>) -> Self {
         let most = model.capacity().contacts;
         let (classes, of_pairs) = classes(model);
-        let extent = |(pair, class): (&Pair<_>, u32)| Extent { points: pair.slots.len, class };
+        let axes = vec![[0.0; 3]; singles::<L>(&of_pairs)];
+        let mut single = 0;
+        let extent = |(pair, class): (&Pair<_>, u32)| {
+            single += u32::from(class == NONE);
+            Extent { points: pair.slots.len, class, single: single.saturating_sub(1) }
+        };
         Collision {
             colliders: Colliders::new(&model.sizes),
             extents: model.pairs.iter().zip(of_pairs).map(extent).collect(),
@@ -168,6 +183,7 @@ impl<L: Lane> Collision<L> {
             found: Vec::with_capacity(most),
             parallel: Vec::with_capacity(most),
             slots: Vec::with_capacity(most),
+            axes,
         }
     }
 
@@ -179,6 +195,7 @@ impl<L: Lane> Collision<L> {
         Colliders::<L>::bytes(&model.sizes)
             + lists
             + pairs * (size_of::<Extent>() + 2 * size_of::<u32>())
+            + singles::<L>(&classes(model).1) * size_of::<[f64; 3]>()
             + Broad::<L>::bytes(model)
     }
 
@@ -212,7 +229,7 @@ impl<L: LaneQuery> Collision<L> {
             }
             for (i, worlds) in chunk.iter().enumerate().filter(|(_, worlds)| **worlds & alive != 0) {
                 let pair = (16 * c + i) as u32;
-                let Extent { points, class } = extents[pair as usize];
+                let Extent { points, class, .. } = extents[pair as usize];
                 near.push(Near { pair, worlds: *worlds & alive, first, points, class });
                 first += points;
                 any_single |= class == NONE;
@@ -237,6 +254,7 @@ impl<L: LaneQuery> Collision<L> {
         let bodies = [pair.geom1, pair.geom2].map(|g| body(model, position, g as usize));
         let [a, b] = &Frames::new(&model, pair).place(position, bodies);
         let found = points_found(near, &mut self.found);
+        let axes = &mut self.axes[L::WIDTH * self.extents[near.pair as usize].single as usize..][..L::WIDTH];
         let include = model.pairs[near.pair as usize].include;
         let most = found.len();
         found.iter_mut().for_each(|found| found[0] = L::of(L::Real::MAXVAL));
@@ -258,15 +276,15 @@ impl<L: LaneQuery> Collision<L> {
             }
             (Shape::HeightField, _) => {
                 let outlines = outlines(&model, near.pair);
-                let collide = |_, [a, b]: [&_; 2], points: &mut Points<_, MOST_OF_FIELD>| {
-                    single::convex(convex, outlines, (a, b), include, most, points)
+                let collide = |i: usize, [a, b]: [&_; 2], points: &mut Points<_, MOST_OF_FIELD>| {
+                    single::convex(convex, outlines, (a, b), (include, most), &mut axes[i], points)
                 };
                 single::each(a, b, worlds, collide, emit);
             }
             _ => {
                 let outlines = outlines(&model, near.pair);
-                let collide = |_, [a, b]: [&_; 2], points: &mut Points<_>| {
-                    single::convex(convex, outlines, (a, b), include, most, points)
+                let collide = |i: usize, [a, b]: [&_; 2], points: &mut Points<_>| {
+                    single::convex(convex, outlines, (a, b), (include, most), &mut axes[i], points)
                 };
                 single::each(a, b, worlds, collide, emit);
             }
@@ -308,7 +326,7 @@ pub(crate) fn nearest<L: LaneQuery>(
 ) {
     let everywhere = L::Mask::splat(true);
     let collide = |_, [a, b]: [&_; 2], points: &mut single::Points<L::Real, 1>| {
-        single::convex(convex, outlines, (a, b), include, 1, points);
+        single::convex(convex, outlines, (a, b), (include, 1), &mut [0.0; 3], points);
     };
     single::each(a, b, everywhere, collide, &mut |_, candidate, mask| found(&candidate, mask));
 }

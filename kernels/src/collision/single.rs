@@ -100,8 +100,8 @@ pub(super) fn convex<R: Scalar, const N: usize>(
     collider: &dyn ConvexCollider,
     outlines: [Outline<'_>; 2],
     bodies: (&Body<R>, &Body<R>),
-    include: R,
-    most: usize,
+    (include, most): (R, usize),
+    axis: &mut [f64; 3],
     points: &mut Points<R, N>,
 ) {
     let mut add = |point: Point<f64>| {
@@ -111,5 +111,5 @@ pub(super) fn convex<R: Scalar, const N: usize>(
             normal: point.normal.map(R::from_f64),
         });
     };
-    collider.collide(outlines, &widen(bodies.0), &widen(bodies.1), include.to_f64(), most, &mut add);
+    collider.collide(outlines, [&widen(bodies.0), &widen(bodies.1)], include.to_f64(), most, axis, &mut add);
 }

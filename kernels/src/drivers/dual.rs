@@ -26,7 +26,6 @@ pub fn sweeps<L: LaneQuery>(step: &mut Step<'_, L>, mut open: u32, executor: &mu
     while open != 0 && rounds < options.iterations {
         rounds += 1;
         niter += L::select(L::mask_of(open), L::one(), L::zero());
-        past.before(&step.ws.constraint, &step.ws.solver);
         let gain = sweep(Op::Push, open, step, executor);
         open &= !L::bits((gain * scale).lt(tolerance));
         if open != 0 {

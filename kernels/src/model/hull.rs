@@ -13,7 +13,7 @@ pub struct Hull {
     /// Of every vertex the faces that meet there, likewise.
     face_starts: Vec<u32>,
     faces_at: Vec<u32>,
-    /// Vertices far out in directions all around, from which a search starts.
+    /// The farthest vertices along directions all around, by [`cell`], from which a search starts; none if there are few.
     seeds: Vec<u32>,
 }
 
@@ -28,6 +28,35 @@ pub struct HullFace {
 
 /// Hulls of so few vertices are searched through.
 const FEW: usize = 24;
+/// Cells along an edge of the cube of directions.
+const CELLS: usize = 4;
+
+/// The cell of a direction on the surface of a cube.
+fn cell(direction: [f64; 3]) -> usize {
+    let [x, y, z] = direction.map(f64::abs);
+    let (axis, most) = if x >= y && x >= z {
+        (0, x)
+    } else if y >= z {
+        (1, y)
+    } else {
+        (2, z)
+    };
+    let half = 0.5 * CELLS as f64;
+    let along = |axis: usize| ((half + half * direction[axis % 3] / most) as usize).min(CELLS - 1);
+    let side = 2 * axis + usize::from(direction[axis] < 0.0);
+    (side * CELLS + along(axis + 1)) * CELLS + along(axis + 2)
+}
+
+/// The direction of a cell's middle.
+fn middle(cell: usize) -> [f64; 3] {
+    let (side, along) = (cell / (CELLS * CELLS), [cell / CELLS % CELLS, cell % CELLS]);
+    let (axis, mut out) = (side / 2, [0.0; 3]);
+    out[axis] = if side % 2 == 0 { 1.0 } else { -1.0 };
+    for (k, along) in (1..).zip(along) {
+        out[(axis + k) % 3] = (2.0 * along as f64 + 1.0) / CELLS as f64 - 1.0;
+    }
+    out
+}
 
 impl Hull {
     /// A hull from its corners, the neighbours of each, and its faces.
@@ -41,12 +70,8 @@ impl Hull {
             ([a.0, b.0], [a.1, b.1])
         };
         let mut hull = Hull { vertices, faces, starts, neighbours, face_starts, faces_at, seeds: Vec::new() };
-        for axis in 0..3 {
-            for sign in [1.0, -1.0] {
-                let mut direction = [0.0; 3];
-                direction[axis] = sign;
-                hull.seeds.push(hull.searched(direction));
-            }
+        if hull.vertices.len() > FEW {
+            hull.seeds = (0..6 * CELLS * CELLS).map(|cell| hull.searched(middle(cell))).collect();
         }
         hull
     }
@@ -69,7 +94,7 @@ impl Hull {
         }
         let height = |vertex: u32| dot(&self.vertices[vertex as usize], &direction);
         let better = |best: u32, next: &u32| if height(*next) > height(best) { *next } else { best };
-        let mut at = self.seeds.iter().fold(self.seeds[0], better);
+        let mut at = self.seeds[cell(direction)];
         loop {
             let next = self.neighbours(at).iter().fold(at, better);
             if next == at {
@@ -103,4 +128,20 @@ fn packed(lists: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
         starts.push(starts.last().copied().unwrap_or(0) + list.len() as u32);
     }
     (starts, lists.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_in_the_cell_of_their_middle() {
+        for c in 0..6 * CELLS * CELLS {
+            assert_eq!(cell(middle(c)), c);
+        }
+        // Edges and corners of the cube, and no direction at all, have some cell.
+        for direction in [[1.0, 1.0, 1.0], [-1.0, -1.0, 0.0], [0.0, 0.0, 0.0], [f64::NAN; 3]] {
+            assert!(cell(direction) < 6 * CELLS * CELLS);
+        }
+    }
 }

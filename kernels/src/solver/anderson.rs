@@ -41,6 +41,10 @@ pub struct Anderson<L> {
     ends: Vec<L>,
     /// Products of the differences of changes.
     gram: [[L; MEMORY]; MEMORY],
+    /// Products of the differences with the last change, by place.
+    along: [L; MEMORY],
+    /// The last change, weighted.
+    weighted: Vec<L>,
     /// A step from the end.
     step: Vec<L>,
     /// Sweeps so far.
@@ -73,6 +77,8 @@ impl<L: Lane> Anderson<L> {
             changes: Vec::new(),
             ends: Vec::new(),
             gram: [[L::zero(); MEMORY]; MEMORY],
+            along: [L::zero(); MEMORY],
+            weighted: Vec::new(),
             step: Vec::new(),
             sweeps: 0,
         }
@@ -90,6 +96,7 @@ impl<L: Lane> Anderson<L> {
             change: [room(point), room(point)],
             changes: room(list),
             ends: room(list),
+            weighted: room(point),
             step: room(point),
             live: Vec::with_capacity(point),
             ..Anderson::new()
@@ -99,7 +106,7 @@ impl<L: Lane> Anderson<L> {
     /// Bytes of that.
     pub fn bytes(len: usize) -> usize {
         let [point, list] = room_of(len);
-        (8 * point + 2 * list) * size_of::<L>() + point * size_of::<Span>()
+        (9 * point + 2 * list) * size_of::<L>() + point * size_of::<Span>()
     }
 
     /// A solve begins, from rows that are whitened.
@@ -127,12 +134,8 @@ impl<L: Lane> Anderson<L> {
         for list in [&mut self.changes, &mut self.ends] {
             list.resize(MEMORY * self.len, L::zero());
         }
-        self.gram = [[L::zero(); MEMORY]; MEMORY];
+        self.weighted.resize(self.len, L::zero());
         self.sweeps = 0;
-    }
-
-    /// A sweep begins.
-    pub fn before(&mut self, constraint: &Constraint<L>, work: &SolverWork<L>) {
         read(constraint, work, &mut self.before);
     }
 
@@ -144,6 +147,7 @@ impl<L: Lane> Anderson<L> {
         read(problem.constraint, work, &mut self.after[0]);
         self.change[0].clear();
         self.change[0].extend(self.after[0].iter().zip(&self.before).map(|(after, before)| *after - *before));
+        self.before.clone_from(&self.after[0]);
         self.sweeps += 1;
         if self.sweeps == 1 {
             return;
@@ -191,38 +195,37 @@ impl<L: Lane> Anderson<L> {
         (self.sweeps - 1).min(MEMORY)
     }
 
-    fn change(&self, place: usize) -> &[L] {
-        &self.changes[place * self.len..(place + 1) * self.len]
-    }
-
     /// Notes by how much the last sweep differs from the one before.
     fn note(&mut self) {
-        let (new, len) = (self.place(0), self.len);
-        for (list, [now, last]) in [(&mut self.changes, &self.change), (&mut self.ends, &self.after)] {
+        let (new, len, known) = (self.place(0), self.len, self.known());
+        let Anderson { live, change, after, changes, ends, weight, weighted, gram, along, .. } = self;
+        for (list, [now, last]) in [(&mut *changes, &*change), (ends, &*after)] {
             let list = &mut list[new * len..(new + 1) * len];
-            for range in self.live.iter().map(|span| span.range()) {
+            for range in live.iter().map(|span| span.range()) {
                 let (now, last) = (&now[range.clone()], &last[range.clone()]);
                 list[range].iter_mut().zip(now.iter().zip(last)).for_each(|(out, (now, last))| *out = *now - *last);
             }
         }
-        let products = self.products(|age| [self.change(new), self.change(self.place(age))]);
-        for (age, product) in products.into_iter().enumerate().take(self.known()) {
-            let old = self.place(age);
-            (self.gram[new][old], self.gram[old][new]) = (product, product);
+        let mut square = L::zero();
+        for i in live.iter().flat_map(|span| span.range()) {
+            let difference = changes[new * len + i];
+            weighted[i] = weight[i] * change[0][i];
+            square = (weight[i] * difference).mul_add(difference, square);
         }
-    }
-
-    /// Products of two vectors for each difference noted, four at a time: one sum after the other would wait for its own additions.
-    fn products<'a>(&'a self, vectors: impl Fn(usize) -> [&'a [L]; 2]) -> [L; MEMORY] {
-        let (mut out, known) = ([L::zero(); MEMORY], self.known());
-        let (fours, rest) = out[..known].as_chunks_mut::<4>();
+        // By what the change has changed, products with it have, too.
+        let before = *along;
+        let (fours, rest) = along[..known].as_chunks_mut::<4>();
+        let list = |place: usize| &changes[place * len..(place + 1) * len];
         for (n, four) in fours.iter_mut().enumerate() {
-            *four = products(&self.live, &self.weight, [0, 1, 2, 3].map(|i| vectors(4 * n + i)));
+            *four = products(live, weighted, [0, 1, 2, 3].map(|i| list(4 * n + i)));
         }
-        for (sum, age) in rest.iter_mut().zip(known / 4 * 4..) {
-            [*sum] = products(&self.live, &self.weight, [vectors(age)]);
+        for (sum, place) in rest.iter_mut().zip(known / 4 * 4..) {
+            [*sum] = products(live, weighted, [list(place)]);
         }
-        out
+        for old in 0..known {
+            let product = if old == new { square } else { along[old] - before[old] };
+            (gram[new][old], gram[old][new]) = (product, product);
+        }
     }
 
     /// Sets the step to the combination of ends whose sweep would change least. By LDLᵀ, the latest difference first; those
@@ -232,9 +235,9 @@ impl<L: Lane> Anderson<L> {
         let rounding = L::of(L::Real::EPSILON.sqrt());
         let (mut l, mut d, mut x) = ([[zero; MEMORY]; MEMORY], [zero; MEMORY], [zero; MEMORY]);
         let mut inverse = [zero; MEMORY];
-        let products = self.products(|age| [self.change(self.place(age)), &self.change[0]]);
         for i in 0..n {
-            let (place, mut sum) = (self.place(i), products[i]);
+            let place = self.place(i);
+            let mut sum = self.along[place];
             for j in 0..i {
                 let mut entry = self.gram[place][self.place(j)];
                 for k in 0..j {
@@ -253,22 +256,25 @@ impl<L: Lane> Anderson<L> {
             d[i] = L::select(counts, pivot, zero);
             inverse[i] = L::select(counts, L::one() / L::select(counts, pivot, L::one()), zero);
         }
-        self.step.clear();
-        self.step.resize(self.forces, zero);
+        let mut shares = [zero; MEMORY];
         for i in (0..n).rev() {
             let mut share = x[i] * inverse[i];
             for k in i + 1..n {
                 share = l[k][i].neg_mul_add(x[k], share);
             }
             x[i] = share;
-            let first = self.place(i) * self.len;
-            let Anderson { live, step, ends, forces, .. } = self;
-            let end = &ends[first..][..*forces];
-            for range in live.iter().map(|span| span.range()) {
-                let range = range.start.min(*forces)..range.end.min(*forces);
-                let steps = step[range.clone()].iter_mut().zip(&end[range]);
-                steps.for_each(|(step, end)| *step = share.neg_mul_add(*end, *step));
-            }
+            shares[self.place(i)] = share;
+        }
+        self.step.clear();
+        self.step.resize(self.forces, zero);
+        let Anderson { live, step, ends, len, .. } = self;
+        let (fours, rest) = shares[..n].as_chunks::<4>();
+        let list = |place: usize| &ends[place * *len..(place + 1) * *len];
+        for (n, four) in fours.iter().enumerate() {
+            go_back(live, step, [0, 1, 2, 3].map(|i| list(4 * n + i)), *four);
+        }
+        for (share, place) in rest.iter().zip(n / 4 * 4..) {
+            go_back(live, step, [list(place)], [*share]);
         }
     }
 
@@ -323,40 +329,69 @@ impl<L: Lane> Anderson<L> {
         }
     }
 
-    /// Takes the step in the given lanes.
-    fn take(&self, constraint: &Constraint<L>, (acting, lanes): (u32, L::Mask), work: &mut SolverWork<L>) {
-        let (forces, z) = self.step.split_at(self.forces);
-        let (equality, forces) = forces.split_at(constraint.equality.d.len());
-        let (joints, mut rest) = forces.split_at(constraint.dof_rows.len());
-        let take = |x: &mut L, step: L| *x = L::select(lanes, *x + step, *x);
-        work.dual.z.iter_mut().zip(z).for_each(|(z, step)| take(z, *step));
-        work.force.equality.iter_mut().zip(equality).for_each(|(f, step)| take(f, *step));
-        work.force.dof.iter_mut().zip(joints).for_each(|(f, step)| take(f, *step));
+    /// Takes the step in the given lanes: there the next sweep begins.
+    fn take(&mut self, constraint: &Constraint<L>, (acting, lanes): (u32, L::Mask), work: &mut SolverWork<L>) {
+        // To another place than the numbers come from: a blend in place would become a masked store, which is slow.
+        let Anderson { before, after: [after, _], step, live, forces, .. } = self;
+        for range in live.iter().map(|span| span.range()) {
+            let ends = after[range.clone()].iter().zip(&step[range.clone()]);
+            for (next, (end, step)) in before[range].iter_mut().zip(ends) {
+                *next = L::select(lanes, *end + *step, *end);
+            }
+        }
+        let (mut next, z) = before.split_at(*forces);
+        let mut steps = &step[constraint.equality.d.len() + constraint.dof_rows.len()..*forces];
+        work.dual.z.copy_from_slice(z);
+        for list in [&mut work.force.equality, &mut work.force.dof] {
+            let len = list.len();
+            list.copy_from_slice(next.split_off(..len).unwrap_or_default());
+        }
         for (row, place) in constraint.contact_rows.iter().zip(&work.dual.places) {
-            let step = rest.split_off(..entries(row)).unwrap_or_default();
+            let next = next.split_off(..entries(row)).unwrap_or_default();
+            let step = steps.split_off(..entries(row)).unwrap_or_default();
+            let force = &mut work.force.component[row.components()];
             if row.lanes & acting == 0 {
                 continue;
             }
-            work.edge_force[place.edges(row)].iter_mut().zip(step).for_each(|(f, step)| take(f, *step));
+            if row.cone != Cone::Pyramid {
+                force.copy_from_slice(next);
+                continue;
+            }
+            work.edge_force[place.edges(row)].copy_from_slice(next);
             let components = components(constraint.law(row), row, step);
-            work.force.component[row.components()].iter_mut().zip(components).for_each(|(f, step)| take(f, step));
+            force.iter_mut().zip(components).for_each(|(f, step)| *f = L::select(lanes, *f + step, *f));
         }
     }
 }
 
-/// Σ w a b of every two vectors, over the given stretches.
-fn products<L: Lane, const N: usize>(live: &[Span], weight: &[L], vectors: [[&[L]; 2]; N]) -> [L; N] {
+/// Products of a vector with others, over the given stretches; several at once, as one sum after the other would wait for its
+/// own additions.
+fn products<L: Lane, const N: usize>(live: &[Span], vector: &[L], others: [&[L]; N]) -> [L; N] {
     let mut sums = [L::zero(); N];
     for range in live.iter().map(|span| span.range()) {
-        let weight = &weight[range.clone()];
-        let vectors = vectors.map(|two| two.map(|vector| &vector[range.clone()][..weight.len()]));
-        for (i, weight) in weight.iter().enumerate() {
-            for (sum, [a, b]) in sums.iter_mut().zip(&vectors) {
-                *sum = (*weight * a[i]).mul_add(b[i], *sum);
+        let vector = &vector[range.clone()];
+        let others = others.map(|other| &other[range.clone()][..vector.len()]);
+        for (i, x) in vector.iter().enumerate() {
+            for (sum, other) in sums.iter_mut().zip(&others) {
+                *sum = x.mul_add(other[i], *sum);
             }
         }
     }
     sums
+}
+
+/// Takes shares of vectors from a step, over the given stretches as far as it goes.
+fn go_back<L: Lane, const N: usize>(live: &[Span], step: &mut [L], vectors: [&[L]; N], shares: [L; N]) {
+    for range in live.iter().map(|span| span.range()) {
+        let range = range.start.min(step.len())..range.end.min(step.len());
+        let step = &mut step[range.clone()];
+        let vectors = vectors.map(|vector| &vector[range.clone()][..step.len()]);
+        for (i, step) in step.iter_mut().enumerate() {
+            for (share, vector) in shares.iter().zip(&vectors) {
+                *step = share.neg_mul_add(vector[i], *step);
+            }
+        }
+    }
 }
 
 /// Number of forces of a contact: of a pyramid's edges, or of components.
