@@ -32,6 +32,9 @@ pub(super) struct Face<'a> {
     pub normal: DVec3,
     /// Whether only an edge that is parallel lies against it: a disk that is touched flat, of which MuJoCo knows a point only.
     pub bare: bool,
+    /// How much it is preferred where an edge may lie against several: by how squarely it faces `out`; of a box, x before y before z,
+    /// as with MuJoCo. (Of a mesh, MuJoCo takes the first in an order that nothing but its tables tells.)
+    pub rank: f64,
     kind: Kind<'a>,
 }
 
@@ -87,19 +90,19 @@ pub(super) fn each_face<'a>(solid: &Solid<'a>, out: DVec3, show: &mut dyn FnMut(
             for k in (0..3).filter(|&k| leans(solid, d, k)) {
                 let mut normal = DVec3::ZERO;
                 normal[k] = 1.0_f64.copysign(d[k]);
-                show(Face { normal, bare: false, kind: Kind::Box(k) });
+                show(Face { normal, bare: false, rank: -(k as f64), kind: Kind::Box(k) });
             }
         }
         Shape::Cylinder if d.z.abs() > TOGETHER => {
             let normal = DVec3::new(0.0, 0.0, 1.0_f64.copysign(d.z));
-            show(Face { normal, bare: d.x.hypot(d.y) <= TOGETHER, kind: Kind::Disk });
+            show(Face { normal, bare: d.x.hypot(d.y) <= TOGETHER, rank: d.z.abs(), kind: Kind::Disk });
         }
         Shape::Mesh => {
             let Some(hull) = solid.hull else { return };
             let touched = Touched::new(hull, solid, d);
             for face in touched.faces() {
                 let normal = DVec3::from_array(face.normal);
-                show(Face { normal, bare: false, kind: Kind::Hull(hull, face) });
+                show(Face { normal, bare: false, rank: normal.dot(d), kind: Kind::Hull(hull, face) });
             }
         }
         _ => {}

@@ -135,15 +135,14 @@ impl Shared {
             each_edge(edged, out, &mut |edge| {
                 let along = (edge[1] - edge[0]).normalize_or_zero();
                 each_face(sided, -out, &mut |face| {
-                    let towards = sided.rot * face.normal;
-                    let (leaning, facing) = (along.dot(towards).abs(), -towards.dot(out));
+                    let leaning = along.dot(sided.rot * face.normal).abs();
                     let most = if face.bare { PARALLEL } else { EDGE };
-                    // The side that faces the normal most squarely, then the edge that leans least.
-                    let better = |[most, least]: [f64; 2]| {
-                        facing > most + ROUNDING || (facing > most - ROUNDING && leaning < least - ROUNDING)
+                    // The side that ranks first, then the edge that leans least.
+                    let better = |[rank, least]: [f64; 2]| {
+                        face.rank > rank + ROUNDING || (face.rank > rank - ROUNDING && leaning < least - ROUNDING)
                     };
                     if leaning <= most && best.is_none_or(|(known, ..)| better(known)) {
-                        best = Some(([facing, leaning], edge, face));
+                        best = Some(([face.rank, leaning], edge, face));
                     }
                 });
             });
