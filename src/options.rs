@@ -78,7 +78,7 @@ impl Default for Options {
             threads: None,
             pin: false,
             max_memory: None,
-            max_contacts: 1024,
+            max_contacts: 1 << 14,
             on_diverge: OnDiverge::Freeze,
         }
     }

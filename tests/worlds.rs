@@ -369,6 +369,21 @@ fn a_world_keeps_its_first_contacts_and_says_that_there_were_more() {
     assert_eq!(run(0), (0.0, vec!["ContactOverflow"]));
 }
 
+/// MuJoCo sets no limit but memory.
+#[test]
+fn a_world_has_thousands_of_contacts() {
+    let boxes: String =
+        (0..500).map(|x| format!("<geom type=\"box\" size=\"0.1 0.1 0.1\" pos=\"{x} 0 0\"/>")).collect();
+    let text = format!(
+        "<mujoco><worldbody><geom type=\"plane\" size=\"1 1 1\"/><body pos=\"0 0 0.09\"><freejoint/>{boxes}</body></worldbody></mujoco>"
+    );
+    let model = Model::from_xml_string(&text, &Default::default()).expect("a model");
+    let mut worlds = Worlds::new(&model, 1, &Options::default()).expect("a batch");
+    let mut counts = vec![];
+    worlds.forward(&outputs(["ncon"]), &mut |_, values| counts.push(values[0][0])).expect("outputs");
+    assert_eq!((counts[0], worlds.status(0).expect("a status").names()), (2000.0, vec![]));
+}
+
 #[test]
 fn a_field_set_is_the_field_read() {
     let model = load("zoo/humanoid27");

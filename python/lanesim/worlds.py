@@ -88,7 +88,7 @@ class Worlds:
         on_diverge: str = "freeze",
         *,
         backend: str = "auto",
-        max_contacts: int = 1024,
+        max_contacts: int = 1 << 14,
         pin: bool = False,
         max_memory: int | None = None,
         _pool: Any = None,

@@ -4,31 +4,26 @@
 //! where it touches with an edge, the sides on either hand and the edge itself; where with a side, that side alone. A disk
 //! counts as a polygon of sixteen corners, and the line of a round side along which it is touched as an edge.
 
+use arrayvec::ArrayVec;
 use glam::DVec3;
 use lanesim_kernels::model::{Hull, HullFace, Shape};
 
 use super::support::{Solid, vertex};
 
-/// Corners of a disk, and most corners of a side.
-pub(super) const CORNERS: usize = 16;
+/// Corners of a disk.
+const CORNERS: usize = 16;
+/// Most corners of a side.
+pub(super) const MOST: usize = 512;
 /// Largest sine of the angle by which an edge may lean out of a side's plane.
 pub(super) const EDGE: f64 = 0.0888;
 /// Points whose heights along the contact normal differ by less than this, relative to the shape's size, touch together.
 const TOGETHER: f64 = 1e-7;
 
 /// A polygon in place; its corners go round counterclockwise, seen from outside.
-#[derive(Clone, Copy)]
 pub(super) struct Side {
-    pub len: usize,
-    pub corners: [DVec3; CORNERS],
+    pub corners: ArrayVec<DVec3, MOST>,
     /// Outward.
     pub normal: DVec3,
-}
-
-impl Side {
-    pub fn corners(&self) -> &[DVec3] {
-        &self.corners[..self.len]
-    }
 }
 
 /// A side of a shape, in its own axes.
@@ -37,6 +32,9 @@ pub(super) struct Face<'a> {
     pub normal: DVec3,
     /// Whether only an edge that is parallel lies against it: a disk that is touched flat, of which MuJoCo knows a point only.
     pub bare: bool,
+    /// How much it is preferred where an edge may lie against several: by how squarely it faces `out`; of a box, x before y before z,
+    /// as with MuJoCo. (Of a mesh, MuJoCo takes the first in an order that nothing but its tables tells.)
+    pub rank: f64,
     kind: Kind<'a>,
 }
 
@@ -53,34 +51,33 @@ impl Face<'_> {
     /// In place, its normal too.
     pub fn place(&self, solid: &Solid<'_>) -> Side {
         let s = solid.size;
-        let mut side = Side { len: CORNERS, corners: [DVec3::ZERO; CORNERS], normal: solid.rot * self.normal };
+        let mut side = Side { corners: ArrayVec::new(), normal: solid.rot * self.normal };
+        let mut add = |corner: DVec3| side.corners.push(solid.place(corner));
         match self.kind {
             Kind::Box(k) => {
                 let up = self.normal[k];
                 let (u, v) = ((k + 1) % 3, (k + 2) % 3);
-                side.len = 4;
-                for (i, corner) in side.corners[..4].iter_mut().enumerate() {
+                for i in 0..4 {
                     let (x, y) = AROUND[if up > 0.0 { FIRST[0][k] + i } else { FIRST[1][k] + 4 - i } % 4];
+                    let mut corner = DVec3::ZERO;
                     (corner[k], corner[u], corner[v]) = (up * s[k], x * s[u], y * s[v]);
+                    add(corner);
                 }
             }
             Kind::Disk => {
                 let up = self.normal.z;
-                for (i, corner) in side.corners.iter_mut().enumerate() {
-                    let (sin, cos) = CIRCLE[(i + 1) % CORNERS];
-                    *corner = DVec3::new(s.x * cos, up * s.x * sin, up * s.y);
+                for i in 1..=CORNERS {
+                    let (sin, cos) = CIRCLE[i % CORNERS];
+                    add(DVec3::new(s.x * cos, up * s.x * sin, up * s.y));
                 }
             }
             Kind::Hull(hull, face) => {
                 // Of a face with more corners, as many as there is room for, all around.
                 let count = face.corners.len();
-                side.len = count.min(CORNERS);
-                for i in 0..side.len {
-                    side.corners[i] = vertex(hull, face.corners[i * count / side.len]);
-                }
+                let len = count.min(MOST);
+                (0..len).for_each(|i| add(vertex(hull, face.corners[i * count / len])));
             }
         }
-        side.corners[..side.len].iter_mut().for_each(|corner| *corner = solid.place(*corner));
         side
     }
 }
@@ -93,19 +90,19 @@ pub(super) fn each_face<'a>(solid: &Solid<'a>, out: DVec3, show: &mut dyn FnMut(
             for k in (0..3).filter(|&k| leans(solid, d, k)) {
                 let mut normal = DVec3::ZERO;
                 normal[k] = 1.0_f64.copysign(d[k]);
-                show(Face { normal, bare: false, kind: Kind::Box(k) });
+                show(Face { normal, bare: false, rank: -(k as f64), kind: Kind::Box(k) });
             }
         }
         Shape::Cylinder if d.z.abs() > TOGETHER => {
             let normal = DVec3::new(0.0, 0.0, 1.0_f64.copysign(d.z));
-            show(Face { normal, bare: d.x.hypot(d.y) <= TOGETHER, kind: Kind::Disk });
+            show(Face { normal, bare: d.x.hypot(d.y) <= TOGETHER, rank: d.z.abs(), kind: Kind::Disk });
         }
         Shape::Mesh => {
             let Some(hull) = solid.hull else { return };
             let touched = Touched::new(hull, solid, d);
             for face in touched.faces() {
                 let normal = DVec3::from_array(face.normal);
-                show(Face { normal, bare: false, kind: Kind::Hull(hull, face) });
+                show(Face { normal, bare: false, rank: normal.dot(d), kind: Kind::Hull(hull, face) });
             }
         }
         _ => {}

@@ -6,22 +6,23 @@
 //! four that span a large area are kept. Else an edge that lies nearly in a side's plane is clipped to that side, whose
 //! normal its two points have. All this is where MuJoCo, of which the choice of points was found by experiment, has them.
 
+use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
 use super::Nearest;
 use super::calipers::spanning;
-use super::feature::{CORNERS, EDGE, Face, Side, each_edge, each_face};
+use super::feature::{EDGE, Face, MOST, Side, each_edge, each_face};
 use super::support::Solid;
 
 /// Cosine of the largest angle between two sides that lie against each other.
 const FACE: f64 = 0.996;
 /// Most corners of what two sides share: each side of a convex polygon that clips adds one at most.
-const SHARED: usize = 2 * CORNERS;
+const SHARED: usize = 2 * MOST;
 /// Corners less deep than the deepest by less than this, relative to the shapes' size, count as equally deep where one
 /// point stands for all.
 const LEVEL: f64 = 1e-6;
 /// Edges at an angle of a smaller sine count as parallel.
-const PARALLEL: f64 = 1e-4;
+const PARALLEL: f64 = 1e-6;
 /// A corner no farther beyond a side than this, relative to the shapes' size, lies on it.
 const ROUNDING: f64 = 1e-12;
 /// Differences below this, relative to the shapes' size, are rounding: of equals the first is taken.
@@ -37,8 +38,7 @@ struct Corner {
 
 /// What two shapes share.
 struct Shared {
-    len: usize,
-    corners: [Corner; SHARED],
+    corners: ArrayVec<Corner, SHARED>,
     /// Of an edge, which of its ends lie on the rim of the side.
     cut: [bool; 2],
     /// From the first shape to the second.
@@ -53,10 +53,6 @@ impl Shared {
         let towards = if self.on_first { 0.5 } else { -0.5 };
         corner.at + self.normal * (towards * corner.dist)
     }
-
-    fn corners(&self) -> &[Corner] {
-        &self.corners[..self.len]
-    }
 }
 
 /// Adds the points within `include` of two shapes that touch with sides or edges, `most` at most; false if they touch otherwise.
@@ -68,128 +64,126 @@ pub(super) fn manifold(
 ) -> bool {
     let size = solids.iter().map(|solid| solid.extent + solid.radius).sum();
     let dist = nearest.dist - solids[0].radius - solids[1].radius;
-    let shared = sides(solids, nearest.normal, size).or_else(|| edge_and_side(solids, nearest.normal));
-    let Some(mut shared) = shared.filter(|shared| shared.len > 0) else {
+    let mut shared = Shared::new();
+    let faced = shared.sides(solids, nearest.normal, size) || shared.edge_and_side(solids, nearest.normal);
+    if !faced || shared.corners.is_empty() {
         let middle = edges_middle(solids, nearest.normal);
         middle.inspect(|at| add(dist, *at, nearest.normal));
         return middle.is_some();
-    };
+    }
     if most == 1 {
         let middle = deepest_middle(&shared, size);
         middle.inspect(|at| add(dist, *at, nearest.normal));
         return middle.is_some();
     }
     shared.keep_within(include);
-    for i in spanning(shared.len, |i| shared.corners[i].at).take(most) {
+    for i in spanning(shared.corners.len(), |i| shared.corners[i].at).take(most) {
         let corner = &shared.corners[i];
         add(corner.dist, shared.place(corner), shared.normal);
     }
-    shared.len > 0
-}
-
-/// What two sides share that face each other.
-fn sides(solids: &[Solid<'_>; 2], normal: DVec3, size: f64) -> Option<Shared> {
-    let mut best: Option<(f64, [Face<'_>; 2])> = None;
-    each_face(&solids[0], normal, &mut |one| {
-        let out = solids[0].rot * one.normal;
-        each_face(&solids[1], -normal, &mut |other| {
-            let facing = -out.dot(solids[1].rot * other.normal);
-            if facing >= best.map_or(FACE, |(most, _)| most + ROUNDING) {
-                best = Some((facing, [one, other]));
-            }
-        });
-    });
-    let (_, [one, other]) = best?;
-    Some(clip_side(&one.place(&solids[0]), &other.place(&solids[1]), size))
-}
-
-/// What the first side shares with the second: in the first one's plane, seen along its normal.
-fn clip_side(one: &Side, other: &Side, size: f64) -> Shared {
-    let mut outline = Outline { len: 0, corners: [DVec3::ZERO; SHARED] };
-    for corner in other.corners().iter().rev() {
-        outline.push(*corner - one.normal * one.normal.dot(*corner - one.corners[0]));
-    }
-    // The order of corners is MuJoCo's, on which it depends which of many are kept.
-    let backwards = |i: usize| one.corners[one.len - 1 - i % one.len];
-    for i in 0..one.len {
-        let (p, q) = (backwards(i), backwards(i + 1));
-        outline = outline.clip(p, one.normal.cross(q - p).normalize_or_zero(), ROUNDING * size);
-    }
-    let mut corners = [Corner::default(); SHARED];
-    for (corner, at) in corners.iter_mut().zip(&outline.corners[..outline.len]) {
-        *corner = Corner { at: *at, dist: other.normal.dot(*at - other.corners[0]) };
-    }
-    Shared { len: outline.len, corners, cut: [false; 2], normal: -other.normal, on_first: true }
-}
-
-/// What an edge shares with a side in whose plane it lies nearly: the first shape's edges are tried first.
-fn edge_and_side(solids: &[Solid<'_>; 2], normal: DVec3) -> Option<Shared> {
-    for (i, out) in [(0, normal), (1, -normal)] {
-        let (edged, sided) = (&solids[i], &solids[1 - i]);
-        let mut best: Option<([f64; 2], [DVec3; 2], Face<'_>)> = None;
-        each_edge(edged, out, &mut |edge| {
-            let along = (edge[1] - edge[0]).normalize_or_zero();
-            each_face(sided, -out, &mut |face| {
-                let towards = sided.rot * face.normal;
-                let (leaning, facing) = (along.dot(towards).abs(), -towards.dot(out));
-                let most = if face.bare { PARALLEL } else { EDGE };
-                // The side that faces the normal most squarely, then the edge that leans least.
-                let better = |[most, least]: [f64; 2]| {
-                    facing > most + ROUNDING || (facing > most - ROUNDING && leaning < least - ROUNDING)
-                };
-                if leaning <= most && best.is_none_or(|(known, ..)| better(known)) {
-                    best = Some(([facing, leaning], edge, face));
-                }
-            });
-        });
-        if let Some((_, edge, face)) = best {
-            let side = face.place(sided);
-            let mut shared = clip_edge(edge, &side);
-            (shared.normal, shared.on_first) = (if i == 0 { -side.normal } else { side.normal }, i == 0);
-            return Some(shared);
-        }
-    }
-    None
-}
-
-/// The ends of the part of an edge that lies over a side.
-fn clip_edge([p, q]: [DVec3; 2], side: &Side) -> Shared {
-    let (mut from, mut to) = (0.0_f64, 1.0_f64);
-    for i in 0..side.len {
-        let (a, b) = (side.corners[i], side.corners[(i + 1) % side.len]);
-        let out = (b - a).cross(side.normal);
-        let (fp, fq) = (out.dot(p - a), out.dot(q - a));
-        if fp > 0.0 && fq > 0.0 {
-            to = -1.0;
-        } else if fp > 0.0 {
-            from = from.max(fp / (fp - fq));
-        } else if fq > 0.0 {
-            to = to.min(fp / (fp - fq));
-        }
-    }
-    let mut corners = [Corner::default(); SHARED];
-    for (corner, t) in corners.iter_mut().zip([from, to]) {
-        let at = p.lerp(q, t);
-        *corner = Corner { at, dist: side.normal.dot(at - side.corners[0]) };
-    }
-    let len = if from <= to { 2 } else { 0 };
-    Shared { len, corners, cut: [from > 0.0, to < 1.0], normal: side.normal, on_first: true }
+    !shared.corners.is_empty()
 }
 
 impl Shared {
+    fn new() -> Self {
+        Shared { corners: ArrayVec::new(), cut: [false; 2], normal: DVec3::ZERO, on_first: true }
+    }
+
+    /// What two sides share that face each other; false if none do.
+    fn sides(&mut self, solids: &[Solid<'_>; 2], normal: DVec3, size: f64) -> bool {
+        let mut best: Option<(f64, [Face<'_>; 2])> = None;
+        each_face(&solids[0], normal, &mut |one| {
+            let out = solids[0].rot * one.normal;
+            each_face(&solids[1], -normal, &mut |other| {
+                let facing = -out.dot(solids[1].rot * other.normal);
+                if facing >= best.map_or(FACE, |(most, _)| most + ROUNDING) {
+                    best = Some((facing, [one, other]));
+                }
+            });
+        });
+        if let Some((_, [one, other])) = best {
+            self.clip_side(&one.place(&solids[0]), &other.place(&solids[1]), size);
+        }
+        best.is_some()
+    }
+
+    /// What the first side shares with the second: in the first one's plane, seen along its normal.
+    fn clip_side(&mut self, one: &Side, other: &Side, size: f64) {
+        let (outline, left) = &mut (Outline::new(), Outline::new());
+        let (mut outline, mut left) = (outline, left);
+        for corner in other.corners.iter().rev() {
+            outline.push(*corner - one.normal * one.normal.dot(*corner - one.corners[0]));
+        }
+        // The order of corners is MuJoCo's, on which it depends which of many are kept.
+        let count = one.corners.len();
+        let backwards = |i: usize| one.corners[count - 1 - i % count];
+        for i in 0..count {
+            let (p, q) = (backwards(i), backwards(i + 1));
+            clip(outline, p, one.normal.cross(q - p).normalize_or_zero(), ROUNDING * size, left);
+            std::mem::swap(&mut outline, &mut left);
+        }
+        let height = |at: DVec3| other.normal.dot(at - other.corners[0]);
+        self.corners.extend(outline.iter().map(|at| Corner { at: *at, dist: height(*at) }));
+        (self.normal, self.on_first) = (-other.normal, true);
+    }
+
+    /// What an edge shares with a side in whose plane it lies nearly; false if none does. The first shape's edges are tried first.
+    fn edge_and_side(&mut self, solids: &[Solid<'_>; 2], normal: DVec3) -> bool {
+        for (i, out) in [(0, normal), (1, -normal)] {
+            let (edged, sided) = (&solids[i], &solids[1 - i]);
+            let mut best: Option<([f64; 2], [DVec3; 2], Face<'_>)> = None;
+            each_edge(edged, out, &mut |edge| {
+                let along = (edge[1] - edge[0]).normalize_or_zero();
+                each_face(sided, -out, &mut |face| {
+                    let leaning = along.dot(sided.rot * face.normal).abs();
+                    let most = if face.bare { PARALLEL } else { EDGE };
+                    // The side that ranks first, then the edge that leans least.
+                    let better = |[rank, least]: [f64; 2]| {
+                        face.rank > rank + ROUNDING || (face.rank > rank - ROUNDING && leaning < least - ROUNDING)
+                    };
+                    if leaning <= most && best.is_none_or(|(known, ..)| better(known)) {
+                        best = Some(([face.rank, leaning], edge, face));
+                    }
+                });
+            });
+            if let Some((_, edge, face)) = best {
+                let side = face.place(sided);
+                self.clip_edge(edge, &side);
+                (self.normal, self.on_first) = (if i == 0 { -side.normal } else { side.normal }, i == 0);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The ends of the part of an edge that lies over a side.
+    fn clip_edge(&mut self, [p, q]: [DVec3; 2], side: &Side) {
+        let (mut from, mut to) = (0.0_f64, 1.0_f64);
+        for (i, a) in side.corners.iter().enumerate() {
+            let b = side.corners[(i + 1) % side.corners.len()];
+            let out = (b - a).cross(side.normal);
+            let (fp, fq) = (out.dot(p - a), out.dot(q - a));
+            if fp > 0.0 && fq > 0.0 {
+                to = -1.0;
+            } else if fp > 0.0 {
+                from = from.max(fp / (fp - fq));
+            } else if fq > 0.0 {
+                to = to.min(fp / (fp - fq));
+            }
+        }
+        self.cut = [from > 0.0, to < 1.0];
+        if from <= to {
+            let corner = |at: DVec3| Corner { at, dist: side.normal.dot(at - side.corners[0]) };
+            self.corners.extend([from, to].map(|t| corner(p.lerp(q, t))));
+        }
+    }
+
     /// Leaves out corners beyond `include`. Of an edge, a point on the side's rim counts twice if the other end is left out.
     fn keep_within(&mut self, include: f64) {
-        let mut kept = 0;
         if let Some(other) = (0..2).find(|&i| self.cut[i] && self.corners[1 - i].dist > include) {
             self.corners[1 - other] = self.corners[other];
         }
-        for i in 0..self.len {
-            if self.corners[i].dist <= include {
-                self.corners[kept] = self.corners[i];
-                kept += 1;
-            }
-        }
-        self.len = kept;
+        self.corners.retain(|corner| corner.dist <= include);
     }
 }
 
@@ -217,7 +211,7 @@ fn middle([p, q]: [DVec3; 2], other: [DVec3; 2]) -> Option<DVec3> {
 
 /// The middle of the deepest corners; `None` if one alone is deepest.
 fn deepest_middle(shared: &Shared, size: f64) -> Option<DVec3> {
-    let corners = shared.corners();
+    let corners = &shared.corners;
     let least = corners.iter().map(|corner| corner.dist).fold(f64::INFINITY, f64::min);
     let (u, v) = shared.normal.any_orthonormal_pair();
     let flat = |corner: &Corner| DVec2::new(corner.at.dot(u), corner.at.dot(v));
@@ -248,32 +242,25 @@ fn deepest_middle(shared: &Shared, size: f64) -> Option<DVec3> {
 }
 
 /// A polygon in a plane.
-struct Outline {
-    len: usize,
-    corners: [DVec3; SHARED],
-}
+type Outline = ArrayVec<DVec3, SHARED>;
 
-impl Outline {
-    fn push(&mut self, corner: DVec3) {
-        if let Some(place) = self.corners.get_mut(self.len) {
-            *place = corner;
-            self.len += 1;
+/// Puts the part of a polygon on the inner side of the plane through `p` with normal `out` into `left`.
+fn clip(outline: &Outline, p: DVec3, out: DVec3, slack: f64, left: &mut Outline) {
+    left.clear();
+    let mut add = |at: DVec3| {
+        // There is room for a corner more for each side; only a polygon that rounding has made concave may want more.
+        if !left.is_full() {
+            left.push(at);
         }
-    }
-
-    /// The part on the inner side of the plane through `p` with normal `out`.
-    fn clip(&self, p: DVec3, out: DVec3, slack: f64) -> Outline {
-        let mut left = Outline { len: 0, corners: [DVec3::ZERO; SHARED] };
-        for c in 0..self.len {
-            let (a, b) = (self.corners[c], self.corners[(c + 1) % self.len]);
-            let (fa, fb) = ((a - p).dot(out), (b - p).dot(out));
-            if (fa < -slack && fb > slack) || (fa > slack && fb < -slack) {
-                left.push(a + (b - a) * (fa / (fa - fb)));
-            }
-            if fb <= slack {
-                left.push(b);
-            }
+    };
+    for (c, &a) in outline.iter().enumerate() {
+        let b = outline[(c + 1) % outline.len()];
+        let (fa, fb) = ((a - p).dot(out), (b - p).dot(out));
+        if (fa < -slack && fb > slack) || (fa > slack && fb < -slack) {
+            add(a + (b - a) * (fa / (fa - fb)));
         }
-        left
+        if fb <= slack {
+            add(b);
+        }
     }
 }

@@ -69,8 +69,13 @@ fn simplified(vertices: &[DVec3], most: usize) -> Result<Triangles, Refused> {
     Ok(hull)
 }
 
+/// Twice the area, as a vector along the outward normal.
+fn twice_area([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
+
 fn plane([a, b, c]: [DVec3; 3]) -> (DVec3, f64) {
-    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let normal = twice_area([a, b, c]).normalize_or_zero();
     (normal, normal.dot(a))
 }
 
@@ -136,6 +141,9 @@ impl Triangles {
             }
             let inner = |edge: (u32, u32)| beyond(edge).is_some_and(|other| face_of[other] == Some(start));
             let rim = members.iter().flat_map(|f| edges(*f)).filter(|edge| !inner(*edge)).collect();
+            // Of many thin triangles each has its own rounding; together they say how the face lies.
+            let area: DVec3 = members.iter().map(|f| twice_area(self.corners(self.faces[*f]))).sum();
+            let normal = area.normalize_or(normal);
             out.extend(walk(&rim).map(|corners| HullFace { normal: normal.to_array(), corners }));
         }
         out

@@ -336,3 +336,26 @@ fn rods_with_a_common_end_have_the_normal_across_both() {
         assert!(single[2].abs() < 1e-5 && apart(single, &double) < 1e-4, "{single:?} {double:?}");
     }
 }
+
+/// A capsule whose axis goes through a box along one of its axes: MuJoCo has the place where it enters, and where it leaves only if
+/// the nearest edge lies on a certain side of the axis.
+#[test]
+fn a_capsule_through_a_box_leaves_as_with_mujoco() {
+    let model = super::model(("capsule", "0.1 0.2"), ("box", "0.1 0.1 0.1"), 0.0, true);
+    let run = super::options(Precision::F64, Backend::Wide);
+    let (up, down) = ([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]);
+    for ([x, y, z], turn, both) in [
+        ([-0.05, 0.0, -0.04], up, true),
+        ([-0.05, 0.0, -0.04], down, false),
+        ([0.05, 0.02, -0.04], up, false),
+        ([0.05, 0.02, -0.04], down, true),
+        ([0.02, -0.05, 0.03], up, true),
+        ([0.02, 0.05, 0.03], up, false),
+    ] {
+        let qpos = [[x, y, z].as_slice(), &turn, &[0.0, 0.0, 0.0], &up].concat();
+        let mut expected = vec![(-0.1, [x, y, -0.05], [0.0, 0.0, 1.0])];
+        expected.extend(both.then_some((-0.1, [x, y, 0.05], [0.0, 0.0, -1.0])));
+        let off = super::difference(&super::contacts(&model, &qpos, &run)[0], &expected);
+        assert!(off.iter().all(|off| *off < 1e-12), "{x} {y} {z} {turn:?}: {off:?}");
+    }
+}

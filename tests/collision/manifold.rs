@@ -51,3 +51,32 @@ fn sides_and_edges_touch_where_mujoco_has_them() {
         (0..found.len()).flat_map(|pose| (0..PAIRS).map(move |pair| (pose, pair))).filter(|x| agrees(x.0, x.1)).count();
     assert!(100 * count >= 97 * PAIRS * found.len(), "{count} of {}", PAIRS * found.len());
 }
+
+/// An upright cylinder against an upright edge of a box: of the two sides that meet there MuJoCo takes that across x, however
+/// squarely either faces the cylinder. It meets the round side to within the square root of its tolerance.
+#[test]
+fn of_two_sides_of_a_box_the_first_touches() {
+    let model = super::model(("cylinder", "0.06 0.07"), ("box", "0.06 0.05 0.08"), 0.0, true);
+    let at = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+    let (half, root) = (0.5, 0.866_025_403_784_438_6);
+    for (other, dist, [x, y], normal) in [
+        (
+            [0.131_961_524_227, -0.013_301_270_189, 0.01, 0.965_925_826_289, 0.0, 0.0, 0.258_819_045_103],
+            -0.004_324_868_790,
+            [0.058_127_275_958, -0.001_091_732_059],
+            [root, half, 0.0],
+        ),
+        (
+            [0.128_301_270_189, 0.026_961_524_227, 0.01, root, 0.0, 0.0, half],
+            -0.002_499_231_686,
+            [0.059_375_192_072, -0.001_083_086_234],
+            [half, root, 0.0],
+        ),
+    ] {
+        let qpos = [at, other].concat();
+        let expected = [-0.07, 0.07].map(|z| (dist, [x, y, z], normal));
+        let found = super::contacts(&model, &qpos, &options(Precision::F64, Backend::Wide));
+        let off = difference(&found[0], &expected);
+        assert!(off[0] < 1e-5 && off[1] < 2e-5 && off[2] < 1e-9, "{off:?}");
+    }
+}

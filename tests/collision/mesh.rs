@@ -81,6 +81,27 @@ fn meshes_come_to_rest() {
     }
 }
 
+/// A face of twenty corners counts with all of them: a box covers one of its corners, and MuJoCo has it among four points.
+#[test]
+fn faces_of_many_corners_are_whole() {
+    let rim = ".9 -.01 Z  .861 .146 Z  .707 .31 Z  .523 .407 Z  .281 .475 Z  -.025 .5 Z  -.238 .482 Z  -.544 .398 Z  -.721 .299 Z \
+        -.844 .174 Z  -.9 -.008 Z  -.843 -.175 Z  -.743 -.282 Z  -.519 -.408 Z  -.295 -.472 Z  .022 -.5 Z  .297 -.472 Z \
+        .508 -.413 Z  .745 -.28 Z  .86 -.147 Z ";
+    let text = format!(
+        "<mujoco><asset><mesh name=\"coin\" vertex=\"{}{}\"/></asset><worldbody><body><freejoint/><geom type=\"mesh\" mesh=\"coin\"/>\
+         </body><body pos=\"-1.05 .4 .29\"><freejoint/><geom type=\"box\" size=\".3 .3 .1\"/></body></worldbody></mujoco>",
+        rim.replace('Z', ".2"),
+        rim.replace('Z', "-.2")
+    );
+    let model = Model::from_xml_string(&text, &Default::default()).unwrap();
+    let qpos = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.05, 0.4, 0.29, 1.0, 0.0, 0.0, 0.0];
+    let corners = [[-0.75, 0.1], [-0.866_769_226_29, 0.1], [-0.844, 0.174], [-0.75, 0.269_528_461_358]];
+    let expected = corners.map(|[x, y]| (-0.01, [x, y, 0.195], [0.0, 0.0, -1.0]));
+    let found = contacts(&model, &qpos, &options(Precision::F64, Backend::Wide));
+    let off = super::difference(&found[0], &expected);
+    assert!(off.iter().all(|off| *off < 1e-7), "{off:?}");
+}
+
 #[test]
 fn meshes_that_cannot_be_are_refused() {
     let load = |mesh: &str, geom: &str| {

@@ -211,26 +211,21 @@ fn along_face<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>, x: R, k: usize) -
     sign.mul_add(length, x)
 }
 
-/// Whether the axis, followed upward, moves towards the box's inside along coordinate k, seen from the named side; `None`
-/// if it keeps still.
-fn inward<R: Scalar>(segment: &Segment<R>, upper: u8, k: usize) -> Option<bool> {
-    let rate = segment.a[k];
-    (rate != R::zero()).then(|| (rate > R::zero()) != (upper >> k & 1 == 1))
+/// Whether the axis, followed upward, moves towards the box's inside along coordinate k, seen from the named side. One that keeps
+/// still counts as moving down, as with MuJoCo.
+fn inward<R: Scalar>(segment: &Segment<R>, upper: u8, k: usize) -> bool {
+    (segment.a[k] > R::zero()) != (upper >> k & 1 == 1)
 }
 
 /// From beside an edge: over the face that the axis runs along more than the other. None if it runs over neither.
 fn along_edge<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>, x: R, axis: usize, upper: u8) -> Option<R> {
     let (k1, k2) = ((axis + 1) % 3, (axis + 2) % 3);
-    let (sign, crossed) = match (inward(segment, upper, k1), inward(segment, upper, k2)) {
-        // Along the edge: the nearest place is the first of many.
-        (None, None) => (R::one(), R::of(R::MAXVAL)),
-        (Some(a), Some(b)) if a == b => return None,
-        _ => {
-            let k = if segment.a[k1].abs() > segment.a[k2].abs() { k1 } else { k2 };
-            let sign = if inward(segment, upper, k) == Some(true) { R::one() } else { -R::one() };
-            (sign, width(segment, size, k))
-        }
-    };
+    if inward(segment, upper, k1) == inward(segment, upper, k2) {
+        return None;
+    }
+    let k = if segment.a[k1].abs() > segment.a[k2].abs() { k1 } else { k2 };
+    let sign = if inward(segment, upper, k) { R::one() } else { -R::one() };
+    let crossed = width(segment, size, k);
     let length = crossed.min(exit(segment, size, x, sign, axis)).min(sign.neg_mul_add(x, R::one()));
     Some(sign.mul_add(length.max(R::zero()), x))
 }
@@ -239,7 +234,7 @@ fn along_edge<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>, x: R, axis: usize
 fn from_corner<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>, x: R, upper: u8) -> Option<R> {
     let one = R::one();
     let sum = |inwards: bool| {
-        let ks = (0..3).filter(|&k| inward(segment, upper, k) == Some(inwards));
+        let ks = (0..3).filter(|&k| inward(segment, upper, k) == inwards);
         ks.fold(R::zero(), |sum, k| segment.a[k].mul_add(segment.a[k], sum))
     };
     let (towards, away) = (sum(true), sum(false));
@@ -249,7 +244,7 @@ fn from_corner<R: Scalar>(segment: &Segment<R>, size: &Vec3<R>, x: R, upper: u8)
     let onward = towards > away;
     let sign = if onward { one } else { -one };
     let crossed = (0..3)
-        .filter(|&k| inward(segment, upper, k) == Some(onward))
+        .filter(|&k| inward(segment, upper, k) == onward)
         .fold(R::of(R::MAXVAL), |least, k| width(segment, size, k).min(least));
     Some(sign.mul_add(crossed.min(sign.neg_mul_add(x, one)), x))
 }
