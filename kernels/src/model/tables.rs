@@ -517,7 +517,7 @@ table! {
         pub pos: [T; 3],
         /// Orientation of its axes in the link's frame, row-major.
         pub rot: [T; 9],
-        /// By axis, the square of the product of the other two semiaxes.
+        /// By axis, the square of the product of the other two semiaxes, over the largest.
         pub areas: [T; 3],
         /// Mass of what it carries along by axis, and moment of inertia of what it spins with it.
         pub carried: [T; 3],
@@ -527,7 +527,7 @@ table! {
         pub stirred: [T; 3],
         /// Resistance that grows with the speed: torque by angular velocity, force by velocity.
         pub linear: [T; 2],
-        /// What drag grows by with the speed: with the shadow's area over π, and by itself.
+        /// What drag grows by with the speed: with the shadow's area over that of the largest shadow, and by itself.
         pub blunt: T,
         /// The latter.
         pub slender: T,
