@@ -146,6 +146,17 @@ table! {
     } T
 }
 
+/// A tree, as far as its sleep goes.
+#[derive(Clone, Copy, Debug)]
+pub struct Sleeper {
+    /// Whether it may sleep.
+    pub allowed: bool,
+    /// Its positions.
+    pub qpos: Span,
+    /// Its degrees of freedom.
+    pub dofs: Span,
+}
+
 /// The shape of a geom. The order is MuJoCo's, by which the geoms of a pair are sorted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shape {
