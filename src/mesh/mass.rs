@@ -116,11 +116,11 @@ fn centre(mesh: &Triangles, apex: DVec3, turned: bool) -> DVec3 {
         if length == 0.0 {
             continue;
         }
-        let sum = a + b + c;
-        let own = (sum / 3.0 - apex).dot(normal / length) * (length / 2.0) / 3.0;
+        let middle = (a + b + c) / 3.0;
+        let own = (middle - apex).dot(normal / length) * (length / 2.0) / 3.0;
         let own = if turned { own.abs() } else { own };
         volume += own;
-        moment += (sum + apex) * (own / 4.0);
+        moment += (middle * 0.75 + apex * 0.25) * own;
     }
     if volume > 0.0 { moment / volume } else { apex }
 }
