@@ -85,10 +85,18 @@ pub(super) fn meshes(
         }
     }
     let mut lost: BTreeMap<String, String> = BTreeMap::new();
+    let mut lines: BTreeMap<String, u32> = BTreeMap::new();
     for index in tree.section("asset").filter(|&index| tree[index].tag == "mesh") {
         let element = &tree[index];
         let class = classes.named(element, "class", super::MAIN, report);
         let raw = classes[class].mesh.clone().element(&mut Reader::new(element, report));
+        if !raw.mesh.name.is_empty()
+            && let Some(first) = lines.insert(raw.mesh.name.clone(), element.source.line)
+        {
+            let message = format!("repeated name {}, first used in line {first}", quoted(&raw.mesh.name));
+            report.error(element, message, "rename one of them");
+            continue;
+        }
         let Some(matters) = used.get(&raw.mesh.name).copied() else { continue };
         match triangles(element, &raw, assets, report) {
             Ok(triangles) => spec.meshes.push(Mesh { triangles: Arc::new(triangles), ..raw.mesh }),
