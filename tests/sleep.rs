@@ -153,3 +153,15 @@ fn policies_are_those_of_trees() {
     worlds.step(50).expect("steps");
     assert!(asleep(&worlds, 0).iter().all(|tree| *tree < 0));
 }
+
+#[test]
+fn what_cannot_be_counted_is_awake() {
+    let model = parse(SCENE);
+    for bad in [f64::NAN, f64::INFINITY, -3.0, 1e9, 19.0, 12.5] {
+        let mut worlds = Worlds::new(&model, 2, &options(Precision::F64, Backend::Auto)).expect("a batch");
+        worlds.set_unchecked(Field::TreeRest, 1, &[bad; 8]).expect("a world");
+        worlds.step(2).expect("steps");
+        assert_eq!(asleep(&worlds, 0), [-8, -11, -11, -8, -8, -11, -11, 7], "{bad}");
+        assert!(asleep(&worlds, 1).iter().all(|tree| (-11..8).contains(tree)), "{bad}");
+    }
+}

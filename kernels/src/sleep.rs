@@ -137,8 +137,13 @@ fn pushed<L: LaneQuery>(model: &Model<L::Real>, applied: Option<&Applied<L>>, tr
 }
 
 impl<L: LaneQuery> Sleep<L> {
+    /// A world's; trees that are said to sleep with one that is not there are awake.
     fn load(&mut self, state: &State<L>, lane: usize) {
-        self.rest.iter_mut().zip(&state.tree_rest).for_each(|(own, rest)| *own = rest.get(lane).to_f64() as u32);
+        let end = ASLEEP + self.rest.len() as u32;
+        for (own, rest) in self.rest.iter_mut().zip(&state.tree_rest) {
+            let rest = rest.get(lane).to_f64() as u32;
+            *own = if rest < end { rest } else { 0 };
+        }
     }
 
     fn store(&self, state: &mut State<L>, lane: usize) {
