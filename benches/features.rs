@@ -39,7 +39,7 @@ struct Feature {
 
 type Flags = &'static [(&'static str, &'static str)];
 
-const FEATURES: [Feature; 6] = [
+const FEATURES: [Feature; 11] = [
     Feature {
         name: "contacts out of reach",
         with: |text| (text.to_owned(), &[]),
@@ -76,7 +76,72 @@ const FEATURES: [Feature; 6] = [
         without: |text| (cut(text, "actuator"), &[]),
         speed: SLOW,
     },
+    Feature {
+        name: "activations of a disabled group",
+        with: |text| (activated(text), &[("actuatorgroupdisable", "0")]),
+        without: |text| (text.to_owned(), &[("actuatorgroupdisable", "0")]),
+        speed: SLOW,
+    },
+    Feature {
+        name: "equality not active",
+        with: |text| {
+            let joined = |[a, b]: [&str; 2]| format!(r#"<joint joint1="{a}" joint2="{b}" active="false"/>"#);
+            (beside(text, "equality", joined), &[])
+        },
+        without: |text| (text.to_owned(), &[]),
+        speed: SLOW,
+    },
+    Feature {
+        name: "tendon without forces",
+        with: |text| {
+            let fixed = |[a, b]: [&str; 2]| {
+                format!(r#"<fixed><joint joint="{a}" coef="1"/><joint joint="{b}" coef="-1"/></fixed>"#)
+            };
+            (beside(text, "tendon", fixed), &[])
+        },
+        without: |text| (text.to_owned(), &[]),
+        speed: SLOW,
+    },
+    Feature {
+        name: "sensors not asked for",
+        with: |text| {
+            let measured = |[a, b]: [&str; 2]| format!(r#"<jointpos joint="{a}"/><jointvel joint="{b}"/><clock/>"#);
+            (beside(text, "sensor", measured), &[])
+        },
+        without: |text| (text.to_owned(), &[]),
+        speed: SLOW,
+    },
+    Feature {
+        name: "meshes to be looked at",
+        with: |text| (decorated(text), &[]),
+        without: |text| (text.to_owned(), &[]),
+        speed: SLOW,
+    },
 ];
+
+/// The text with an activation in each of its motors.
+fn activated(text: &str) -> String {
+    text.replace("<motor ", "<general dyntype=\"integrator\" ")
+}
+
+/// The text with a section that is about its last two joints with names.
+fn beside(text: &str, section: &str, content: fn([&str; 2]) -> String) -> String {
+    let named = text.split("<joint ").skip(1).filter_map(|rest| {
+        let (_, name) = rest.split_once('>')?.0.split_once("name=\"")?;
+        Some(name.split('"').next().unwrap_or_default())
+    });
+    let names: Vec<&str> = named.collect();
+    let [.., a, b] = names[..] else { return text.to_owned() };
+    let content = content([a, b]);
+    text.replacen("</mujoco>", &format!("<{section}>{content}</{section}></mujoco>"), 1)
+}
+
+/// The text with a mesh in every body, which neither touches nor weighs.
+fn decorated(text: &str) -> String {
+    let mesh = r#"<asset><mesh name="looks" builtin="sphere" params="2" scale="0.05 0.05 0.05"/></asset>"#;
+    let geom = r#"<geom type="mesh" mesh="looks" contype="0" conaffinity="0" mass="0"/></body>"#;
+    text.replace("</body>", geom).replacen("<worldbody>", &format!("{mesh}<worldbody>"), 1)
+}
 
 /// The text without its sections of that tag.
 fn cut(text: &str, tag: &str) -> String {

@@ -36,6 +36,9 @@ impl<L: LaneQuery> Block<L> {
         for (active, active0) in state.eq_active.iter_mut().zip(&model.eq_active0) {
             *active = L::splat(*active0);
         }
+        for (rest, rest0) in state.tree_rest.iter_mut().zip(&model.tree_rest0) {
+            *rest = L::splat(*rest0);
+        }
         let poses = state.mocap_pos.iter_mut().zip(&mut state.mocap_quat);
         for (link, (pos, quat)) in model.links.iter().filter(|link| link.mocap != NONE).zip(poses) {
             (*pos, *quat) = (link.pos.map(L::splat), link.quat.map(L::splat));
@@ -63,6 +66,7 @@ impl<L: LaneQuery> Block<L> {
 
     /// Sets a field of one lane.
     pub fn set(&mut self, field: Field, sizes: &Sizes, lane: usize, values: &[f64]) {
+        self.wake(field, lane);
         for (entry, x) in self.lanes(field, sizes).iter_mut().zip(values) {
             entry.set(lane, L::Real::from_f64(*x));
         }
@@ -70,8 +74,16 @@ impl<L: LaneQuery> Block<L> {
 
     /// Sets a field of one lane from a world's row.
     pub fn set_row(&mut self, field: Field, sizes: &Sizes, lane: usize, rows: &Strided<'_>, world: usize) {
+        self.wake(field, lane);
         let entries = self.lanes(field, sizes);
         rows.row(world, entries.len(), |i, x| entries[i].set(lane, L::Real::from_f64(x)));
+    }
+
+    /// Wakes the trees of a lane whose positions are set.
+    fn wake(&mut self, field: Field, lane: usize) {
+        if field == Field::Qpos {
+            self.state.tree_rest.iter_mut().for_each(|rest| rest.set(lane, L::Real::from_f64(0.0)));
+        }
     }
 
     /// Appends a field of one lane to `out`.

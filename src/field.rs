@@ -28,6 +28,8 @@ pub enum Field {
     MocapPos,
     /// Orientations of mocap bodies, quaternions (w, x, y, z): `nmocap` × 4.
     MocapQuat,
+    /// For how long each tree has rested: `nsleep`, which is 0 without the flag `sleep`.
+    TreeRest,
     /// Generalised forces from outside: `nv`.
     QfrcApplied,
     /// Forces and torques on bodies from outside: `nbody` × (force, torque), world axes, at the centre of mass.
@@ -60,6 +62,7 @@ impl Field {
         Field::EqActive,
         Field::MocapPos,
         Field::MocapQuat,
+        Field::TreeRest,
         Field::QfrcApplied,
         Field::XfrcApplied,
     ];
@@ -145,6 +148,7 @@ impl Key {
             Field::EqActive => Some(&self.eq_active),
             Field::MocapPos => Some(&self.mpos),
             Field::MocapQuat => Some(&self.mquat),
+            Field::TreeRest => Some(&self.tree_rest),
             Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
         }
     }

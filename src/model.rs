@@ -188,6 +188,8 @@ pub struct Key {
     pub mquat: Vec<f64>,
     /// Whether each equality constraint is active, 1 or 0: as the model has it.
     pub eq_active: Vec<f64>,
+    /// For how long trees have rested; empty: they have not.
+    pub tree_rest: Vec<f64>,
 }
 
 /// An array of the model as MuJoCo has it, dense, row-major.
@@ -315,6 +317,7 @@ impl Model {
             mpos: mocap().flat_map(|link| link.pos).collect(),
             mquat: mocap().flat_map(|link| link.quat).collect(),
             eq_active: self.tables().eq_active0.clone(),
+            tree_rest: self.tables().tree_rest0.clone(),
             ..Key::default()
         }
     }

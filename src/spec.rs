@@ -192,6 +192,20 @@ impl Default for Compiler {
     }
 }
 
+/// Whether the tree of a body may sleep (MJCF `body/sleep`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SleepPolicy {
+    /// Unless an actuator acts on it, or a spring or damper of a tendon that it shares with other trees.
+    #[default]
+    Auto,
+    /// It stays awake.
+    Never,
+    /// It may.
+    Allowed,
+    /// It may, and starts asleep.
+    Init,
+}
+
 /// A rigid body (MJCF `body`).
 #[derive(Clone, Debug)]
 pub struct Body {
@@ -207,6 +221,8 @@ pub struct Body {
     pub mocap: bool,
     /// Fraction of the body's weight that is compensated.
     pub gravcomp: f64,
+    /// Whether its tree may sleep; bodies that carry no tree have the default.
+    pub sleep: SleepPolicy,
     /// Whether [`Compiler::fusestatic`] may merge it into its parent.
     pub fuse: bool,
     /// Explicit mass and inertia.
@@ -234,6 +250,7 @@ impl Default for Body {
             quat: [1.0, 0.0, 0.0, 0.0],
             mocap: false,
             gravcomp: 0.0,
+            sleep: SleepPolicy::Auto,
             fuse: true,
             inertial: None,
             joints: Vec::new(),

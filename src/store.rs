@@ -121,6 +121,10 @@ impl<L: LaneQuery> Store<L> {
     /// Sets a field of one world.
     pub fn set(&mut self, field: Field, sizes: &Sizes, world: usize, values: &[f64]) {
         let (block, lane) = (world / L::WIDTH, world % L::WIDTH);
+        if field == Field::Qpos && sizes.nsleep > 0 {
+            // Trees are awake where they are put.
+            self.set(Field::TreeRest, sizes, world, &vec![0.0; sizes.nsleep]);
+        }
         let entries = match field.home() {
             Home::State(number) => {
                 let range = self.entries(number, sizes, block);

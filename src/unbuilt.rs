@@ -34,8 +34,6 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
     });
     let f = &o.flags;
     let flag = |name: &str, what: &str| format!("{name}: {what}");
-    let sleep = flag("sleep", "sleeping trees are");
-    add(f.sleep, "flag", "sleep", sleep, none, "all stay awake", |o| o.flags.sleep = false);
     let exact = flag("diagexact", "the exact diagonal of the constraint space is");
     add(f.diagexact, "flag", "diagexact", exact, none, "approximated", |o| o.flags.diagexact = false);
     let ipc = flag("ipc", "incremental potential contact is");

@@ -92,10 +92,10 @@ fn wrong_inputs_of_eval_are_named() {
 #[test]
 fn what_is_not_built_yet_says_so() {
     let path = support::repository("models/zoo/hopper.xml");
-    let overrides = vec![("sleep".to_string(), "enable".to_string())];
+    let overrides = vec![("ipc".to_string(), "enable".to_string())];
     let options = lanesim::mjcf::LoadOptions { overrides, lenient: false };
     let problem = lanesim::Model::from_xml_path(&path, &options).expect_err("not built").to_string();
-    assert!(problem.starts_with("flag: sleep: sleeping trees are not supported (remove it"), "{problem}");
+    assert!(problem.starts_with("flag: ipc: incremental potential contact is not supported (remove it"), "{problem}");
 }
 
 #[test]

@@ -25,6 +25,7 @@ pub mod passive;
 pub mod pipeline;
 pub mod position;
 pub mod sensor;
+pub mod sleep;
 pub mod smooth;
 pub mod solver;
 pub mod stage;

@@ -142,6 +142,8 @@ pub struct Options {
     pub noslip_tolerance: f64,
     /// Convex collision tolerance, m.
     pub ccd_tolerance: f64,
+    /// Speed below which a tree rests (MJCF `sleep_tolerance`), m/s.
+    pub sleep_tolerance: f64,
     /// Most solver iterations.
     pub iterations: u32,
     /// Most line search evaluations per solver iteration.
@@ -199,6 +201,7 @@ impl Default for Options {
             ls_tolerance: 0.01,
             noslip_tolerance: 1e-6,
             ccd_tolerance: 1e-6,
+            sleep_tolerance: 1e-3,
             iterations: 100,
             ls_iterations: 50,
             noslip_iterations: 0,

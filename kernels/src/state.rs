@@ -24,6 +24,9 @@ fields! {
         pub mocap_pos: Vec<[L; 3]> = sizes.nmocap,
         /// Orientations of mocap bodies, quaternions (w, x, y, z) of any positive length.
         pub mocap_quat: Vec<[L; 4]> = sizes.nmocap,
+        /// Steps for which each tree has rested, at most 10; from 11 on it sleeps, with 11 more than the number of the next tree of those
+        /// that sleep together. MuJoCo's `tree_asleep` is 11 less. Only of models with the flag `sleep`.
+        pub tree_rest: Vec<L> = sizes.nsleep,
     } L
 }
 

@@ -6,6 +6,7 @@ use crate::lane::LaneQuery;
 use crate::model::{Instance, Model};
 use crate::part::{Op, Part, Step};
 use crate::pipeline::{Run, Solved, Stage, Stages, forward};
+use crate::sleep;
 use crate::state::{BlockStatus, State, Status};
 use crate::workspace::Workspace;
 
@@ -33,6 +34,9 @@ pub fn evaluate<L: LaneQuery>(
         clock.start();
     }
     run.stages = run.stages | Stages::STEP;
+    if let Some(sleep) = &mut ws.sleep {
+        sleep::disturb(model, state, run.applied, status.alive, sleep);
+    }
     forward(model, state, run, status, ws)
 }
 
@@ -50,6 +54,9 @@ pub fn advance<L: LaneQuery>(
     if let Some(clock) = &mut run.clock {
         clock.start();
     }
+    if let Workspace { sleep: Some(sleep), constraint, .. } = ws {
+        sleep::settle(model, state, (run.applied, constraint), status.alive, sleep);
+    }
     let good = if ws.rk4.is_some() {
         solved = evaluate_between(model, state, run, status, solved, ws);
         solved.lanes
@@ -59,6 +66,9 @@ pub fn advance<L: LaneQuery>(
         run.executor.run(Part::new(Op::Integrate), solved.lanes, &mut good, step);
         good[0]
     };
+    if let Some(sleep) = &ws.sleep {
+        sleep::hold(model, state, sleep);
+    }
     // How a solver ends that works with numbers beyond all bounds says nothing, and may depend on other worlds' contacts.
     status.record(Status::NOT_CONVERGED, solved.unfinished & good);
     let lost = status.alive & !good;

@@ -16,6 +16,7 @@ use crate::options::Integrator;
 use crate::passive::Passive;
 use crate::position::Position;
 use crate::sensor::{self, Sensors};
+use crate::sleep::Sleep;
 use crate::smooth::Smooth;
 use crate::solver::SolverWork;
 use crate::stage::Stage;
@@ -49,6 +50,8 @@ pub struct Workspace<L> {
     pub metric: Option<Box<Inertia<L>>>,
     /// Of a model that is integrated so.
     pub rk4: Option<Box<Rk4<L>>>,
+    /// Of a model in which trees may sleep.
+    pub sleep: Option<Box<Sleep<L>>>,
     /// For worlds that need double precision; there once one did.
     pub double: Option<Box<Double>>,
 }
@@ -128,6 +131,7 @@ impl<L: Lane> Workspace<L> {
             sensors: Sensors::new(sizes),
             metric: discrete(model).then(|| Box::new(Inertia::new(&Sizes { nlink: 0, ..sizes.clone() }))),
             rk4: Rk4::new(model).map(Box::new),
+            sleep: Sleep::new(model).map(Box::new),
             double: None,
         }
     }
@@ -148,6 +152,7 @@ impl<L: Lane> Workspace<L> {
             Acceleration::<L>::bytes(sizes),
             Derivative::<L>::bytes(&of(Stage::Derivative)),
             SolverWork::<L>::bytes(model),
+            Sleep::<L>::bytes(model),
             Integration::<L>::bytes(&of(Stage::Integration)),
             Energy::<L>::bytes(sizes),
             Sensors::<L>::bytes(sizes),

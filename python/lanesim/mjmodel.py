@@ -117,7 +117,7 @@ class _Writer:
         opt, option = self.m.opt, self.spec.option
         plain = (
             "timestep gravity wind magnetic density viscosity impratio tolerance ls_tolerance noslip_tolerance "
-            "ccd_tolerance iterations ls_iterations noslip_iterations ccd_iterations"
+            "ccd_tolerance sleep_tolerance iterations ls_iterations noslip_iterations ccd_iterations"
         )
         option.set(**{name: getattr(opt, name) for name in plain.split()})
         option.set(
@@ -142,6 +142,13 @@ class _Writer:
         if flags:
             option.add("flag", **flags)
 
+    def _sleep(self, b: int) -> str | None:
+        """Whether the tree that a body begins may sleep, if that was said."""
+        m = self.m
+        if m.body_dofnum[b] == 0 or m.body_treeid[m.body_parentid[b]] >= 0:
+            return None
+        return {3: "never", 4: "allowed", 5: "init"}.get(int(m.tree_sleep_policy[m.body_treeid[b]]))
+
     def _bodies(self) -> None:
         m = self.m
         elements = [self.spec.worldbody]
@@ -153,6 +160,7 @@ class _Writer:
                 quat=m.body_quat[b],
                 mocap=True if m.body_mocapid[b] >= 0 else None,
                 gravcomp=m.body_gravcomp[b] or None,
+                sleep=self._sleep(b),
             )
             elements.append(body)
             if m.body_mass[b] > 0 or m.body_inertia[b].any():

@@ -46,7 +46,7 @@ KINDS = ("body", "joint", "geom", "site", "equality", "actuator", "key")
 _ENUMS: dict[str, type[enum.IntEnum]] = {"integrator": Integrator, "cone": Cone, "solver": Solver}
 _OPTIONS = (
     "timestep gravity wind magnetic density viscosity impratio tolerance ls_tolerance noslip_tolerance "
-    "ccd_tolerance iterations ls_iterations noslip_iterations ccd_iterations o_margin o_solref o_solimp "
+    "ccd_tolerance sleep_tolerance iterations ls_iterations noslip_iterations ccd_iterations o_margin o_solref o_solimp "
     "o_friction integrator cone solver"
 ).split()
 

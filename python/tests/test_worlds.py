@@ -350,8 +350,8 @@ def test_absent_quantities_have_no_columns(ant) -> None:
 
 
 def test_unsupported_options_say_so(pendulum) -> None:
-    with pytest.raises(lanesim.errors.ModelError, match="sleep: sleeping trees are not supported"):
-        pendulum.replace(sleep=True)
+    with pytest.raises(lanesim.errors.ModelError, match="ipc: incremental potential contact is not supported"):
+        pendulum.replace(ipc=True)
 
 
 def test_equality_constraints_are_switched_world_by_world() -> None:

@@ -431,6 +431,7 @@ fn options(o: &Options, out: &mut Arrays) {
         ("ls_tolerance", o.ls_tolerance),
         ("noslip_tolerance", o.noslip_tolerance),
         ("ccd_tolerance", o.ccd_tolerance),
+        ("sleep_tolerance", o.sleep_tolerance),
         ("o_margin", o.o_margin),
     ];
     for (name, x) in scalars {

@@ -230,6 +230,7 @@ fn check_options(spec: &Spec, diagnostics: &mut Diagnostics) {
         ("ls_tolerance", o.ls_tolerance),
         ("noslip_tolerance", o.noslip_tolerance),
         ("ccd_tolerance", o.ccd_tolerance),
+        ("sleep_tolerance", o.sleep_tolerance),
     ];
     for (name, x) in sizes {
         check(name, &|e| e.not_negative(name, &[x]));

@@ -126,7 +126,7 @@ pub(crate) fn measure(shape: Shape, size: [f64; 3], shell: bool) -> f64 {
     let [a, b, c] = size;
     match (shape, shell) {
         // What a mesh weighs was found with its frame.
-        (Shape::Plane | Shape::HeightField | Shape::Mesh, _) => 0.0,
+        (Shape::Plane | Shape::Mesh, _) => 0.0,
         (Shape::Sphere, false) => 4.0 / 3.0 * PI * r.powi(3),
         (Shape::Sphere, true) => 4.0 * PI * r * r,
         (Shape::Capsule, false) => PI * r * r * (4.0 / 3.0 * r + h),
@@ -140,8 +140,8 @@ pub(crate) fn measure(shape: Shape, size: [f64; 3], shell: bool) -> f64 {
             let mean = ((a * b).powf(p) + (a * c).powf(p) + (b * c).powf(p)) / 3.0;
             4.0 * PI * mean.powf(1.0 / p)
         }
-        (Shape::Box, false) => 8.0 * a * b * c,
-        (Shape::Box, true) => 8.0 * (a * b + a * c + b * c),
+        (Shape::Box | Shape::HeightField, false) => 8.0 * a * b * c,
+        (Shape::Box | Shape::HeightField, true) => 8.0 * (a * b + a * c + b * c),
     }
 }
 
@@ -152,7 +152,7 @@ pub(crate) fn moments(shape: Shape, size: [f64; 3], shell: bool, m: f64) -> DVec
     let [a, b, c] = size;
     let round = |x: f64, z: f64| DVec3::new(x, x, z);
     match (shape, shell) {
-        (Shape::Plane | Shape::HeightField | Shape::Mesh, _) => DVec3::ZERO,
+        (Shape::Plane | Shape::Mesh, _) => DVec3::ZERO,
         (Shape::Sphere, false) => DVec3::splat(0.4 * m * r * r),
         (Shape::Sphere, true) => DVec3::splat(2.0 / 3.0 * m * r * r),
         (Shape::Capsule, false) => {
@@ -188,8 +188,8 @@ pub(crate) fn moments(shape: Shape, size: [f64; 3], shell: bool, m: f64) -> DVec
             let difference = solid_ellipsoid(outer) * outer_volume - solid_ellipsoid(size) * inner_volume;
             difference * (m / (outer_volume - inner_volume))
         }
-        (Shape::Box, false) => DVec3::new(b * b + c * c, a * a + c * c, a * a + b * b) * (m / 3.0),
-        (Shape::Box, true) => {
+        (Shape::Box | Shape::HeightField, false) => DVec3::new(b * b + c * c, a * a + c * c, a * a + b * b) * (m / 3.0),
+        (Shape::Box | Shape::HeightField, true) => {
             let area = measure(shape, size, true);
             // One pair of faces at ±d along an axis with half sizes e, f along the others: inertia about the axis of d,
             // of e and of f.

@@ -58,6 +58,7 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
             mpos: filled(&key.mpos, &defaults.mpos, 3),
             mquat,
             eq_active: defaults.eq_active.clone(),
+            tree_rest: Vec::new(),
         }
     };
     spec.keys.iter().map(complete).collect()

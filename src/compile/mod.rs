@@ -27,6 +27,7 @@ mod report;
 mod response;
 mod rows;
 mod sensors;
+mod sleep;
 mod tendons;
 #[cfg(test)]
 mod tests;
@@ -73,6 +74,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let tree = check::check(spec, &mut diagnostics);
     tendons::check(spec, &mut diagnostics);
     equality::check(spec, &mut diagnostics);
+    sleep::check(spec, &mut diagnostics);
     sensors::check(spec, &mut diagnostics);
     if !tree {
         return Err(diagnostics.first());
@@ -184,6 +186,9 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
         potential_still: potential(&links.still(&scene), gravity),
+        sleepers: Vec::new(),
+        sleep_lengths: Vec::new(),
+        tree_rest0: Vec::new(),
         gravity,
         bodies: links.bodies(&scene),
         links: links.links.clone(),
@@ -218,6 +223,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         geom_names: &names.geoms,
         keys: &keys,
     });
+    notes.extend(sleep::sleep(spec, &scene, &arrays, &mut tables));
     let nsensordata = tables.sizes.nsensordata;
     Ok(Model::new(Parts {
         name: spec.name.clone(),
@@ -347,6 +353,7 @@ fn sizes(
         nsensorkey: sensors.nkey,
         nsensoracc: if measures(SensorKind::of_accelerations) { links.links.len() } else { 0 },
         nsensorquat: if measures(|kind| kind == SensorKind::FrameQuat) || welded { links.links.len() } else { 0 },
+        nsleep: 0,
         ntendon: tendons.table.len(),
         ntj: tendons.dofs.len(),
     }

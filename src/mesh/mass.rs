@@ -33,12 +33,7 @@ pub(crate) struct Bulk {
 
 /// What a mesh holds; of convex inertia, `mesh` is its hull. The error says what is wrong with it.
 pub(crate) fn bulk(mesh: &Triangles, how: MeshInertia) -> Result<Bulk, String> {
-    let tetrahedra = |apex: DVec3, turned: bool| {
-        let sums = mesh.faces.iter().map(|face| tetrahedron(mesh.corners(*face).map(|p| p - apex), turned));
-        sums.fold(Sums::default(), Sums::plus)
-    };
-    let surface = || mesh.faces.iter().map(|face| triangle(mesh.corners(*face))).fold(Sums::default(), Sums::plus);
-    let surface = surface();
+    let surface = mesh.faces.iter().map(|face| triangle(mesh.corners(*face))).fold(Sums::default(), Sums::plus);
     let middle = if surface.volume > 0.0 { surface.moment / surface.volume } else { DVec3::ZERO };
     if how == MeshInertia::Shell {
         let square = surface.square - outer(middle) * surface.volume;
@@ -47,9 +42,9 @@ pub(crate) fn bulk(mesh: &Triangles, how: MeshInertia) -> Result<Bulk, String> {
     // First from the middle of the surface, then from the centre so found; where faces are all turned outward and leave no holes,
     // where from does not matter. Of the legacy way, whatever way faces are turned counts as outward.
     let turned = how == MeshInertia::Legacy;
-    let first = tetrahedra(middle, turned);
-    let centre = if first.volume > 0.0 { middle + first.moment / first.volume } else { middle };
-    let second = tetrahedra(centre, turned);
+    let centre = centre(mesh, middle, turned);
+    let solids = mesh.faces.iter().map(|face| tetrahedron(mesh.corners(*face).map(|p| p - centre), turned));
+    let second = solids.fold(Sums::default(), Sums::plus);
     finish(Bulk { volume: second.volume, centre, inertia: inertia(&second.square) }, how)
 }
 
@@ -111,13 +106,32 @@ fn tetrahedron([a, b, c]: [DVec3; 3], turned: bool) -> Sums {
     }
 }
 
+/// The centre of the tetrahedra between a point and the faces, `turned` or not. Summed in the order in which MuJoCo's number comes out,
+/// to the last bit: where a mesh is symmetric, the centre is nothing but rounding.
+fn centre(mesh: &Triangles, apex: DVec3, turned: bool) -> DVec3 {
+    let (mut volume, mut moment) = (0.0, DVec3::ZERO);
+    for [a, b, c] in mesh.faces.iter().map(|face| mesh.corners(*face)) {
+        let normal = (b - a).cross(c - a);
+        let length = normal.length();
+        if length == 0.0 {
+            continue;
+        }
+        let middle = (a + b + c) / 3.0;
+        let own = (middle - apex).dot(normal / length) * (length / 2.0) / 3.0;
+        let own = if turned { own.abs() } else { own };
+        volume += own;
+        moment += (middle * 0.75 + apex * 0.25) * own;
+    }
+    if volume > 0.0 { moment / volume } else { apex }
+}
+
 /// Of a face's area.
 fn triangle([a, b, c]: [DVec3; 3]) -> Sums {
     let area = 0.5 * (b - a).cross(c - a).length();
     let sum = a + b + c;
     Sums {
         volume: area,
-        moment: sum * (area / 3.0),
+        moment: sum / 3.0 * area,
         square: (outer(a) + outer(b) + outer(c) + outer(sum)) * (area / 12.0),
     }
 }

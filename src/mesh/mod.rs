@@ -1,5 +1,6 @@
-//! Triangle meshes and height fields: the files that hold them; the mass of meshes, and their convex hulls.
+//! Triangle meshes and height fields: the files that hold them, or what makes them; the mass of meshes, and their convex hulls.
 
+mod builtin;
 mod files;
 mod heights;
 mod hull;
@@ -7,6 +8,7 @@ mod mass;
 
 use glam::DVec3;
 
+pub(crate) use builtin::builtin;
 pub(crate) use files::{FORMATS, Format};
 pub(crate) use heights::{MOST_POINTS, Raw as RawHeights};
 pub(crate) use hull::{Refused, hull};

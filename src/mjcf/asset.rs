@@ -1,4 +1,4 @@
-//! `asset/mesh`: meshes from files or written out. Only those that some geom has are read.
+//! `asset/mesh`: meshes from files, written out or built in. Only those that some geom has are read.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use super::include::Assets;
 use super::reader::Reader;
 use super::report::{Report, quoted};
 use super::tree::{Element, Tree};
-use crate::mesh::{FORMATS, Format, Triangles};
+use crate::mesh::{FORMATS, Format, Triangles, builtin};
 use crate::spec::{InertiaFromGeom, Mesh, MeshInertia, Spec};
 
 /// A mesh as written, or its default.
@@ -85,10 +85,18 @@ pub(super) fn meshes(
         }
     }
     let mut lost: BTreeMap<String, String> = BTreeMap::new();
+    let mut lines: BTreeMap<String, u32> = BTreeMap::new();
     for index in tree.section("asset").filter(|&index| tree[index].tag == "mesh") {
         let element = &tree[index];
         let class = classes.named(element, "class", super::MAIN, report);
         let raw = classes[class].mesh.clone().element(&mut Reader::new(element, report));
+        if !raw.mesh.name.is_empty()
+            && let Some(first) = lines.insert(raw.mesh.name.clone(), element.source.line)
+        {
+            let message = format!("repeated name {}, first used in line {first}", quoted(&raw.mesh.name));
+            report.error(element, message, "rename one of them");
+            continue;
+        }
         let Some(matters) = used.get(&raw.mesh.name).copied() else { continue };
         match triangles(element, &raw, assets, report) {
             Ok(triangles) => spec.meshes.push(Mesh { triangles: Arc::new(triangles), ..raw.mesh }),
@@ -147,15 +155,20 @@ fn triangles(
     assets: &mut Assets<'_, '_>,
     report: &mut Report,
 ) -> Result<Triangles, (String, String)> {
-    if element.get("builtin").is_some_and(|builtin| builtin != "none") {
-        return Err(("meshes that are built in are not supported".into(), "save it to a file".into()));
-    }
     let written = element.get("vertex").is_some_and(|text| !text.trim().is_empty());
-    let mesh = match (written, raw.file.is_empty()) {
-        (true, false) => return Err(("both file and vertex are given".into(), "keep one".into())),
-        (false, true) => return Err(("neither file nor vertex is given".into(), "name a file".into())),
-        (true, true) => inline(&mut Reader::new(element, report)),
-        (false, false) => {
+    let kind = element.get("builtin").filter(|kind| *kind != "none");
+    let mesh = match (kind, written, raw.file.is_empty()) {
+        (Some(_), true, _) | (Some(_), _, false) => {
+            return Err(("builtin is given with a file or with vertices".into(), "keep one".into()));
+        }
+        (Some(kind), ..) => {
+            let params = Reader::new(element, report).all("params").unwrap_or_default();
+            builtin(kind, &params)?
+        }
+        (_, true, false) => return Err(("both file and vertex are given".into(), "keep one".into())),
+        (_, false, true) => return Err(("neither file nor vertex is given".into(), "name a file".into())),
+        (_, true, true) => inline(&mut Reader::new(element, report)),
+        (_, false, false) => {
             let format = format(&raw.file, &raw.content_type)?;
             let bytes = assets.mesh(&raw.file)?;
             format.read(&bytes).map_err(|message| (format!("file {} {message}", quoted(&raw.file)), String::new()))?

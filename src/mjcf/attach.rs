@@ -16,6 +16,9 @@ use crate::spec::{Actuator, Body, JointKind, Key, KeyPart, Spec};
 /// Models within models within models: a chain of more is a mistake.
 const DEEPEST: usize = 8;
 
+/// Most elements that are copied for parts of a model that it attaches itself.
+const MOST_COPIED: usize = 20_000_000;
+
 /// Where a model stands that is read.
 #[derive(Clone, Copy)]
 pub(super) struct Context<'a, 'f> {
@@ -34,6 +37,16 @@ pub(super) struct Context<'a, 'f> {
 pub(super) enum Cut<'a> {
     Body(&'a str),
     Frame(&'a str),
+}
+
+impl std::fmt::Display for Cut<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (kind, name) = match self {
+            Cut::Body(name) => ("body", name),
+            Cut::Frame(name) => ("frame", name),
+        };
+        write!(f, "{kind} {}", quoted(name))
+    }
 }
 
 impl Cut<'_> {
@@ -87,13 +100,16 @@ pub(super) fn parts(
     for index in (0..tree.elements.len()).filter(|&index| tree[index].tag == "attach") {
         let element = &tree[index];
         let reader = Reader::new(element, report);
-        if !reader.has_value("model") {
-            reader.report.unsupported(element, "attaching a part of the same model is");
-            continue;
-        }
         let (name, prefix) = (reader.text("model"), reader.text("prefix"));
         if element.get("prefix").is_none() {
             report.error(element, "attribute \"prefix\" is missing", "give each part a prefix of its own");
+            continue;
+        }
+        if name.is_empty() {
+            if let Some(mut part) = own_part(tree, index, context, record.as_deref_mut(), report) {
+                prefixed(&mut part, &prefix);
+                parts.insert(index, part);
+            }
             continue;
         }
         let Some(asset) = assets.get(&name) else {
@@ -168,15 +184,7 @@ fn part(
     mut record: Option<&mut Record>,
     report: &mut Report,
 ) -> Option<Spec> {
-    let cut = match (element.get("body"), element.get("frame")) {
-        (Some(_), Some(_)) => {
-            report.error(element, "both body and frame are given", "keep one");
-            return None;
-        }
-        (Some(body), None) => Some(Cut::Body(body)),
-        (None, Some(frame)) => Some(Cut::Frame(frame)),
-        (None, None) => None,
-    };
+    let cut = cut(element, report)?;
     if context.around.contains(&asset.path) || context.around.len() == DEEPEST {
         report.error(
             element,
@@ -194,14 +202,69 @@ fn part(
     let whole = read(None).map_err(|problems| report.absorb(problems)).ok()?;
     let Some(cut) = cut else { return Some(with_key_parts(whole, None)) };
     let Ok(part) = read(Some(cut)) else {
-        let (kind, name) = match cut {
-            Cut::Body(name) => ("body", name),
-            Cut::Frame(name) => ("frame", name),
-        };
-        report.error(element, format!("the model has no {kind} {}", quoted(name)), "");
+        report.error(element, format!("the model has no {cut}"), "");
         return None;
     };
     Some(with_key_parts(pruned(part), Some(&whole)))
+}
+
+/// What is attached of a model, `None` within: all of it. `None` if both are given, which is reported.
+fn cut<'a>(element: &'a Element, report: &mut Report) -> Option<Option<Cut<'a>>> {
+    Some(match (element.get("body"), element.get("frame")) {
+        (Some(_), Some(_)) => {
+            report.error(element, "both body and frame are given", "keep one");
+            return None;
+        }
+        (Some(body), None) => Some(Cut::Body(body)),
+        (None, Some(frame)) => Some(Cut::Frame(frame)),
+        (None, None) => None,
+    })
+}
+
+/// A part of the model itself, without the parts of itself that this attaches; `None` if it cannot be had, which is reported.
+fn own_part(
+    tree: &Tree,
+    index: usize,
+    context: &Context,
+    record: Option<&mut Record>,
+    report: &mut Report,
+) -> Option<Spec> {
+    let element = &tree[index];
+    let Some(cut) = cut(element, report)? else {
+        report.error(element, "nothing to attach", "give body or frame, or a model");
+        return None;
+    };
+    // Each is read from a copy of the model.
+    let copies = tree.elements.iter().filter(|element| element.tag == "attach").count();
+    if copies.saturating_mul(tree.elements.len()) > MOST_COPIED {
+        report.error(
+            element,
+            "a large model attaches too many parts of itself",
+            "use replicate, or models of their own",
+        );
+        return None;
+    }
+    let mut own = tree.clone();
+    for element in own.elements.iter_mut().filter(|element| element.tag == "attach" && element.get("model").is_none()) {
+        element.tag = "frame".into();
+        element.attributes.clear();
+    }
+    let inner = Context { cut: Some(cut), ..*context };
+    if !cut.apply(&mut own.clone()) {
+        report.error(element, format!("the model has no {cut}"), "name a part that is not attached itself");
+        return None;
+    }
+    match super::read_tree(own, Report::new(context.lenient), &inner, &[], record) {
+        Ok(mut part) => {
+            // What is said of the whole model is said once.
+            (part.keys, part.notes) = (Vec::new(), Vec::new());
+            Some(pruned(part))
+        }
+        Err(problems) => {
+            report.absorb(problems);
+            None
+        }
+    }
 }
 
 /// Without what names something that is not there.

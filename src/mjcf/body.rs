@@ -12,11 +12,19 @@ use super::replicate::Replica;
 use super::report::Report;
 use super::tree::{Element, Tree};
 use crate::spec::{
-    Body, Compiler, Equality, Exclude, HeightField, Inertia, Inertial, JointKind, Key, Mesh, Pair, Sensor, Spec, Tendon,
+    Body, Compiler, Equality, Exclude, HeightField, Inertia, Inertial, JointKind, Key, Mesh, Pair, Sensor, SleepPolicy,
+    Spec, Tendon,
 };
 
 /// Words of `body/fuse`.
 const FUSE: &[(&str, bool)] = &[("auto", true), ("false", false)];
+/// Words of `body/sleep`.
+const SLEEP: &[(&str, SleepPolicy)] = &[
+    ("auto", SleepPolicy::Auto),
+    ("never", SleepPolicy::Never),
+    ("allowed", SleepPolicy::Allowed),
+    ("init", SleepPolicy::Init),
+];
 /// Most elements of a model once replicas are made.
 const MOST_ELEMENTS: usize = 1_000_000;
 
@@ -158,6 +166,7 @@ impl Builder<'_> {
         reader.boolean("mocap", &mut body.mocap);
         reader.real("gravcomp", &mut body.gravcomp);
         reader.keyword("fuse", FUSE, &mut body.fuse);
+        reader.keyword("sleep", SLEEP, &mut body.sleep);
         self.bodies.push(body);
         let held = Held::of(self.tree, index, scope.held);
         let inner = Scope { body: self.bodies.len() - 1, frame: Pose::IDENTITY, class, replicated: false, held };

@@ -121,8 +121,19 @@ fn read_model(
     mut record: Option<&mut Record>,
 ) -> Result<Spec, Diagnostics> {
     let mut report = Report::new(context.lenient);
-    let mut tree = include::read(text, file, context.files, &mut report, record.as_deref_mut())?;
+    let tree = include::read(text, file, context.files, &mut report, record.as_deref_mut())?;
     schema::check(&tree, &mut report);
+    read_tree(tree, report, context, overrides, record)
+}
+
+/// Makes what was read into a model.
+fn read_tree(
+    mut tree: Tree,
+    mut report: Report,
+    context: &Context,
+    overrides: &[(String, String)],
+    mut record: Option<&mut Record>,
+) -> Result<Spec, Diagnostics> {
     if context.cut.is_some_and(|cut| !cut.apply(&mut tree)) {
         return Err(report::file_problem(&tree[0].source, "there is no such part", ""));
     }

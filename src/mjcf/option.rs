@@ -147,7 +147,7 @@ pub(super) fn apply(overrides: &[Override], spec: &mut Spec) -> Result<(), Diagn
     problems.into_result()
 }
 
-/// Sets an option by its name. Names that only steer memory layout, sleeping or shapes that are not supported have no effect.
+/// Sets an option by its name. Names that only steer memory layout or shapes that are not supported have no effect.
 fn set(o: &mut Options, name: &str, value: &str) -> Result<(), String> {
     match name {
         "timestep" => real(value, &mut o.timestep),
@@ -175,7 +175,7 @@ fn set(o: &mut Options, name: &str, value: &str) -> Result<(), String> {
         "solver" => keyword(value, SOLVERS).map(|x| o.solver = x),
         "jacobian" => keyword(value, JACOBIANS),
         "sdf_initpoints" | "sdf_iterations" => count(value, &mut 0),
-        "sleep_tolerance" => real(value, &mut 0.0),
+        "sleep_tolerance" => real(value, &mut o.sleep_tolerance),
         _ => Ok(()),
     }
 }
@@ -279,7 +279,7 @@ pub(super) fn merge(own: &mut Options, other: &Options, policy: Option<&str>, el
         };
     }
     each! {
-        Least: timestep tolerance ls_tolerance noslip_tolerance ccd_tolerance;
+        Least: timestep tolerance ls_tolerance noslip_tolerance ccd_tolerance sleep_tolerance;
         Most: iterations ls_iterations noslip_iterations ccd_iterations;
         Conflict: gravity wind magnetic density viscosity impratio o_margin o_solref o_solimp o_friction actuatorgroupdisable;
     }

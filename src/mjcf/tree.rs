@@ -10,7 +10,7 @@ use crate::spec::Source;
 const MOST_NODES: u32 = 2_000_000;
 
 /// An XML element.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Element {
     pub tag: String,
     pub attributes: Vec<(String, String)>,
@@ -35,7 +35,7 @@ impl Element {
 }
 
 /// All elements; the root is the first.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
     pub elements: Vec<Element>,
 }

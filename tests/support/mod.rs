@@ -18,8 +18,9 @@ pub fn repository(path: &str) -> PathBuf {
 }
 
 /// Models that the integrator `discrete` refuses: see `what_discrete_steps_refuse` in tests/steps.rs.
-pub const NOT_DISCRETE: [&str; 10] = [
+pub const NOT_DISCRETE: [&str; 11] = [
     "unit/fluid",
+    "unit/fluid_thin",
     "unit/fluid_ellipsoid",
     "unit/adhesion",
     "unit/surfacevel",

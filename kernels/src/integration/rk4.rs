@@ -64,7 +64,8 @@ impl<L: Lane> Rk4<L> {
 
     /// Begins a step: the first evaluation is that of its state.
     pub fn start(&mut self, state: &State<L>) {
-        let State { time, qpos, qvel, act, ctrl, eq_active, qacc_warmstart, mocap_pos, mocap_quat } = &mut self.stage;
+        let State { time, qpos, qvel, act, ctrl, eq_active, qacc_warmstart, mocap_pos, mocap_quat, tree_rest } =
+            &mut self.stage;
         time.copy_from_slice(&state.time);
         qpos.copy_from_slice(&state.qpos);
         qvel.copy_from_slice(&state.qvel);
@@ -73,6 +74,7 @@ impl<L: Lane> Rk4<L> {
         eq_active.copy_from_slice(&state.eq_active);
         mocap_pos.copy_from_slice(&state.mocap_pos);
         mocap_quat.copy_from_slice(&state.mocap_quat);
+        tree_rest.copy_from_slice(&state.tree_rest);
         qacc_warmstart.copy_from_slice(&state.qacc_warmstart);
         let Rates { rate, rates, qaccs, act_dots, .. } = &mut self.rates;
         [rate, rates, qaccs, act_dots].into_iter().for_each(|sums| sums.fill(L::zero()));

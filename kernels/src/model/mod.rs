@@ -108,6 +108,8 @@ pub struct Sizes {
     pub nsensoracc: usize,
     /// Links of a model whose sensors measure orientations, or torques beside welds, else 0.
     pub nsensorquat: usize,
+    /// Trees of a model in which trees may sleep, else 0.
+    pub nsleep: usize,
     /// Tendons.
     pub ntendon: usize,
     /// Entries of their Jacobians.
@@ -252,6 +254,12 @@ pub struct Model<T> {
     pub mean_inertia: T,
     /// Positions in the reference configuration, length nq.
     pub qpos0: Vec<T>,
+    /// Trees of a model in which trees may sleep, else empty.
+    pub sleepers: Vec<Sleeper>,
+    /// By degree of freedom, the length by which its velocity is that of a point, m; 1 of translations; empty likewise.
+    pub sleep_lengths: Vec<T>,
+    /// For how long trees have rested at first (see [`sleep`](crate::sleep)); empty likewise.
+    pub tree_rest0: Vec<T>,
     /// Gravity; zero when its flag is off.
     pub gravity: [T; 3],
     /// Potential energy of the bodies that stand still.
@@ -343,6 +351,9 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             tree_pattern: self.tree_pattern.clone(),
             mean_inertia: self.mean_inertia.cast(),
             qpos0: self.qpos0.cast(),
+            sleepers: self.sleepers.clone(),
+            sleep_lengths: self.sleep_lengths.cast(),
+            tree_rest0: self.tree_rest0.cast(),
             gravity: self.gravity.cast(),
             potential_still: self.potential_still.cast(),
         }

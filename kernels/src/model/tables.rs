@@ -146,6 +146,17 @@ table! {
     } T
 }
 
+/// A tree, as far as its sleep goes.
+#[derive(Clone, Copy, Debug)]
+pub struct Sleeper {
+    /// Whether it may sleep.
+    pub allowed: bool,
+    /// Its positions.
+    pub qpos: Span,
+    /// Its degrees of freedom.
+    pub dofs: Span,
+}
+
 /// The shape of a geom. The order is MuJoCo's, by which the geoms of a pair are sorted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shape {
@@ -517,7 +528,7 @@ table! {
         pub pos: [T; 3],
         /// Orientation of its axes in the link's frame, row-major.
         pub rot: [T; 9],
-        /// By axis, the square of the product of the other two semiaxes.
+        /// By axis, the square of the product of the other two semiaxes, over the largest.
         pub areas: [T; 3],
         /// Mass of what it carries along by axis, and moment of inertia of what it spins with it.
         pub carried: [T; 3],
@@ -527,7 +538,7 @@ table! {
         pub stirred: [T; 3],
         /// Resistance that grows with the speed: torque by angular velocity, force by velocity.
         pub linear: [T; 2],
-        /// What drag grows by with the speed: with the shadow's area over π, and by itself.
+        /// What drag grows by with the speed: with the shadow's area over that of the largest shadow, and by itself.
         pub blunt: T,
         /// The latter.
         pub slender: T,

@@ -13,8 +13,11 @@ use crate::model::{Ellipsoid, Instance, Model, NONE};
 use crate::position::Position;
 use crate::velocity::Velocity;
 
-/// Numbers below this are not divided by: the reference's bound, in every precision.
-const LEAST: f64 = 1e-15;
+/// Numbers below this are not divided by. What is divided by has no unit or is a speed; the square of its inverse is still a number in
+/// single precision.
+const LEAST: f64 = 1e-18;
+/// The reference's bound for what is carried along.
+const MINVAL: f64 = 1e-15;
 
 /// What the law computes with: numbers, or numbers with their derivatives.
 trait Number<L: Lane>:
@@ -161,13 +164,17 @@ fn cross<L: Lane, N: Number<L>>(a: &[N; 3], b: &[N; 3]) -> [N; 3] {
 fn law<L: Lane, N: Number<L>>(body: &Ellipsoid<L::Real>, w: &[N; 3], v: &[N; 3]) -> [[N; 3]; 2] {
     let along = |scale: &[L::Real; 3], x: &[N; 3]| [0, 1, 2].map(|k: usize| x[k] * L::splat(scale[k]));
     let [carried, spun, stirred] = [along(&body.carried, v), along(&body.spun, w), along(&body.stirred, w)];
-    // Normal of the surface where it meets the stream, times how broad it is across; π times the root of the quotient below is the area of
-    // its shadow.
-    let normal = along(&body.areas, v);
-    let (num, den) = (dot(&normal, v), dot(&normal, &normal));
-    let (shadow, speed) = ((den * num.inverse()).root(), dot(v, v).root());
-    let lift = num * (speed * den).inverse() * shadow * L::splat(body.kutta);
-    let (kutta, magnus, drift) = (cross(&cross(&normal, v), v), cross(w, v), cross(&carried, w));
+    // Direction of the stream; normal of the surface where it meets the stream, times how broad it is across; the root of the quotient
+    // below is in proportion to the area of the shadow. Neither has a unit, so that no shape is too thin and no stream too slow.
+    let speed = dot(v, v).root();
+    let slow = speed.inverse();
+    let stream = [0, 1, 2].map(|k: usize| v[k] * slow);
+    let normal = along(&body.areas, &stream);
+    let (num, den) = (dot(&normal, &stream), dot(&normal, &normal));
+    let shadow = (den * num.inverse()).root();
+    let lift = num * den.inverse() * shadow * speed * speed * L::splat(body.kutta);
+    let kutta = cross(&cross(&normal, &stream), &stream);
+    let (magnus, drift) = (cross(w, v), cross(&carried, w));
     let drag = (speed * (shadow * L::splat(body.blunt)).plus(L::splat(body.slender))).plus(L::splat(body.linear[1]));
     let spin = dot(&stirred, &stirred).root().plus(L::splat(body.linear[0]));
     let (turned, pushed) = (cross(&carried, v), cross(&spun, w));
@@ -290,9 +297,9 @@ fn carried_along(axes: [f64; 3]) -> [[f64; 3]; 2] {
         let [_, y, z] = turned(k).map(|x| x * x);
         let apart = share[(k + 2) % 3] - share[(k + 1) % 3];
         let denominator = 2.0 * (y - z) - (y + z) * apart;
-        volume / 5.0 * (y - z).powi(2) * apart / denominator.abs().max(LEAST).copysign(denominator)
+        volume / 5.0 * (y - z).powi(2) * apart / denominator.abs().max(MINVAL).copysign(denominator)
     };
-    [[0, 1, 2].map(|k| volume * share[k] / (2.0 - share[k]).max(LEAST)), [0, 1, 2].map(moment)]
+    [[0, 1, 2].map(|k| volume * share[k] / (2.0 - share[k]).max(MINVAL)), [0, 1, 2].map(moment)]
 }
 
 impl Ellipsoid<f64> {
@@ -304,6 +311,7 @@ impl Ellipsoid<f64> {
         let mut sorted = axes;
         sorted.sort_by(f64::total_cmp);
         let [_, middle, longest] = sorted;
+        let broad = middle * longest;
         let sum: f64 = axes.iter().sum();
         let (volume, size) = (4.0 / 3.0 * PI * axes.iter().product::<f64>(), 2.0 / 3.0 * sum);
         let largest = 8.0 / 15.0 * PI * middle * longest.powi(4);
@@ -317,14 +325,14 @@ impl Ellipsoid<f64> {
             link,
             pos: [0.0; 3],
             rot: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            areas: [0, 1, 2].map(|k| others(k).iter().product::<f64>().powi(2)),
+            areas: [0, 1, 2].map(|k| (others(k).iter().product::<f64>() / broad).powi(2)),
             carried: carried.map(|x| density * x),
             spun: spun.map(|x| density * x),
             stirred: [0, 1, 2].map(stirred),
             linear: [PI * size.powi(3) * viscosity, 3.0 * PI * size * viscosity],
-            blunt: density * PI * (blunt - slender),
-            slender: density * slender * PI * longest * middle,
-            kutta: density * PI * kutta,
+            blunt: density * PI * (blunt - slender) * broad,
+            slender: density * slender * PI * broad,
+            kutta: density * PI * kutta * broad,
             magnus: density * magnus * volume,
         }
     }

@@ -107,7 +107,7 @@ fn refused_options() {
         |s| s.option.flags.diagexact = true,
         "diagexact: the exact diagonal of the constraint space is not supported",
     );
-    refuses(|s| s.option.flags.sleep = true, "sleep: sleeping trees are not supported");
+    refuses(|s| s.option.sleep_tolerance = f64::NAN, "sleep_tolerance");
     refuses(|s| s.option.viscosity = -1e-5, "viscosity is negative");
     refuses(|s| s.option.impratio = 0.0, "impratio is 0");
     refuses(|s| s.compiler.boundmass = -1.0, "boundmass is negative");

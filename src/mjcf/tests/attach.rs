@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use super::ok;
+use crate::Model;
 use crate::mjcf::{LoadOptions, parse_with_files};
 use crate::spec::Spec;
 
@@ -75,7 +77,11 @@ fn what_cannot_be_attached() {
         ("<attach model='chil' body='a' prefix='x'/>", "no asset is a model \"chil\" (did you mean \"child\"?)"),
         ("<attach model='child' body='q' prefix='x'/>", "the model has no body \"q\""),
         ("<attach model='child' body='a' frame='f' prefix='x'/>", "both body and frame are given"),
-        ("<attach body='p' prefix='x'/>", "attaching a part of the same model is not supported"),
+        (
+            "<attach body='gone' prefix='x'/>",
+            "the model has no body \"gone\" (name a part that is not attached itself)",
+        ),
+        ("<attach prefix='x'/>", "nothing to attach (give body or frame, or a model)"),
         ("<attach modl='child' prefix='x'/>", "unknown attribute \"modl\""),
     ];
     for (body, message) in cases {
@@ -87,4 +93,37 @@ fn what_cannot_be_attached() {
     assert!(round.contains("the model attaches itself"), "{round}");
     let missing = attached("", "<asset><model name='gone' file='gone.xml'/></asset>").unwrap_err();
     assert!(missing.contains("file \"gone.xml\": no such file among those given"), "{missing}");
+}
+
+/// What MuJoCo makes of a part that a model attaches of itself: all that is about it alone, with the prefix; keyframes stay as they are.
+#[test]
+fn a_part_of_the_same_model() {
+    let text = "<mujoco>
+        <default><default class='c'><geom size='.3'/></default></default>
+        <worldbody>
+          <body name='a' pos='0 0 1' childclass='c'>
+            <joint name='j'/><geom name='g'/><site name='s'/>
+            <body name='b'><joint name='k'/><geom/></body>
+          </body>
+          <frame pos='1 0 0'><attach body='a' prefix='x_'/></frame>
+          <attach body='b' prefix='y_'/>
+        </worldbody>
+        <actuator><motor name='m' joint='j'/></actuator>
+        <sensor><jointpos name='sj' joint='j'/></sensor>
+        <contact><exclude body1='a' body2='b'/></contact>
+        <equality><joint name='q' joint1='j' joint2='k'/></equality>
+        <keyframe><key name='kk' qpos='1 2'/></keyframe>
+      </mujoco>";
+    let model = Model::from_xml_string(text, &LoadOptions::default()).unwrap_or_else(|problems| panic!("{problems}"));
+    let id = |name: &str| model.names().joints.id(name);
+    assert_eq!(["j", "k", "x_j", "x_k", "y_k"].map(id), [0, 1, 2, 3, 4].map(Some));
+    let sizes = model.sizes();
+    let count = |name: &str| sizes.iter().find(|(known, _)| *known == name).map(|(_, n)| *n);
+    assert_eq!([count("nu"), count("nsensor"), count("neq"), count("nexclude")], [Some(2); 4]);
+    assert_eq!(model.keys()[0].qpos, [1.0, 2.0, 0.0, 0.0, 0.0]);
+    // A part that is around the place, once.
+    let around = "<mujoco><worldbody>
+          <body name='w'><geom size='1'/><attach body='w' prefix='y_'/></body>
+        </worldbody></mujoco>";
+    assert_eq!(ok(around).bodies.len(), 3);
 }

@@ -19,7 +19,7 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("compiler", "conflict passthrough savecanonical savecompiled saveinertial", SAVING),
     ("compiler", "coordinate", "local is the only value that is supported, and the default"),
     ("compiler", "usethread", SPEED),
-    ("option", "jacobian sdf_initpoints sdf_iterations sleep_tolerance", SPEED),
+    ("option", "jacobian sdf_initpoints sdf_iterations", SPEED),
     ("size", "memory nconmax njmax nstack", MEMORY),
     (
         "size",
@@ -34,7 +34,6 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("geom", "hfield", MESHES),
     ("mesh hfield", "*", MESHES),
     ("geom", "fluidcoef", "only of ellipsoids in a medium (fluidshape)"),
-    ("body", "sleep", "only for sleeping, which is not built"),
     ("body", "simple", SPEED),
     ("custom numeric text tuple element", "*", USER),
     ("*", "interp", DELAYS),
@@ -171,6 +170,7 @@ fn outcome(text: &str) -> Result<String, String> {
 }
 
 const VALUES: &[&str] = &[
+    "never",
     "true",
     "dir",
     "mindist",
