@@ -145,6 +145,20 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Writes numbers to entry `at` and every `stride`-th after it.
+    pub(crate) fn column(&mut self, at: usize, stride: usize, values: impl Iterator<Item = f64>) {
+        fn put<T>(to: &mut [T], (at, stride): (usize, usize), values: impl Iterator<Item = T>) {
+            let to = to.get_mut(at..).unwrap_or_default();
+            values.zip(to.iter_mut().step_by(stride.max(1))).for_each(|(x, to)| *to = x);
+        }
+        match self {
+            Rows::F64(x) => put(x, (at, stride), values),
+            Rows::F32(x) => put(x, (at, stride), values.map(|x| x as f32)),
+            Rows::I32(x) => put(x, (at, stride), values.map(|x| x as i32)),
+            Rows::Lists(_) => {}
+        }
+    }
+
     /// Writes numbers from entry `at` on, or the list of row `at`.
     pub(crate) fn write(&mut self, at: usize, values: &[f64]) {
         match self {

@@ -10,7 +10,8 @@
 
 `Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model:
 ``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
-`rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion. `OUTPUTS` describes every quantity that ``Worlds.get`` and
+`rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion, `transition` the derivatives
+of steps. `OUTPUTS` describes every quantity that ``Worlds.get`` and
 ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector
 environment.
 """
@@ -34,6 +35,7 @@ from .model import Cone, Integrator, Key, Model, Options, Report, Solver
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
 from .status import Status, StatusEvent
+from .transition import Transition, transition
 from .worlds import PARAMETERS, Worlds
 
 OUTPUTS: dict[str, str] = dict(_lanesim.OUTPUTS)
@@ -61,6 +63,7 @@ __all__ = [
     "Spec",
     "Status",
     "StatusEvent",
+    "Transition",
     "UnknownNameError",
     "UnsupportedError",
     "WorldMemoryError",
@@ -69,4 +72,5 @@ __all__ = [
     "inverse",
     "rollout",
     "shutdown_persistent_pool",
+    "transition",
 ]
