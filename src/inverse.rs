@@ -27,7 +27,7 @@ const INPUTS: [Known; 6] = [
 ];
 
 /// An error if the model asks for what cannot be had.
-fn check_model(model: &Model) -> Result<(), Error> {
+pub(crate) fn check_model(model: &Model) -> Result<(), Error> {
     let options = &model.tables().options;
     if !options.flags.invdiscrete || invertible(model.tables()) {
         return Ok(());

@@ -145,16 +145,27 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Writes numbers to entry `at` and every `stride`-th after it.
-    pub(crate) fn column(&mut self, at: usize, stride: usize, values: impl Iterator<Item = f64>) {
-        fn put<T>(to: &mut [T], (at, stride): (usize, usize), values: impl Iterator<Item = T>) {
-            let to = to.get_mut(at..).unwrap_or_default();
-            values.zip(to.iter_mut().step_by(stride.max(1))).for_each(|(x, to)| *to = x);
+    /// Writes a block of a matrix, which begins at entry `at` and whose rows are `stride` apart: height and width, and each number by its row and
+    /// its place in it.
+    pub(crate) fn block(
+        &mut self,
+        (at, stride): (usize, usize),
+        (height, width): (usize, usize),
+        number: impl Fn(usize, usize) -> f64,
+    ) {
+        fn put<T>(to: &mut [T], stride: usize, (height, width): (usize, usize), number: impl Fn(usize, usize) -> T) {
+            for (row, to) in to.chunks_mut(stride.max(1)).take(height).enumerate() {
+                to.iter_mut().take(width).enumerate().for_each(|(i, to)| *to = number(row, i));
+            }
         }
         match self {
-            Rows::F64(x) => put(x, (at, stride), values),
-            Rows::F32(x) => put(x, (at, stride), values.map(|x| x as f32)),
-            Rows::I32(x) => put(x, (at, stride), values.map(|x| x as i32)),
+            Rows::F64(x) => put(x.get_mut(at..).unwrap_or_default(), stride, (height, width), number),
+            Rows::F32(x) => {
+                put(x.get_mut(at..).unwrap_or_default(), stride, (height, width), |row, i| number(row, i) as f32)
+            }
+            Rows::I32(x) => {
+                put(x.get_mut(at..).unwrap_or_default(), stride, (height, width), |row, i| number(row, i) as i32)
+            }
             Rows::Lists(_) => {}
         }
     }

@@ -4,9 +4,10 @@ mod support;
 
 use std::collections::BTreeMap;
 
-use lanesim::cloud::{self, Scheme, Solving, Transition, accurate};
+use lanesim::cloud::{self, Call, Scheme, Solving, Target, Transition, accurate};
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
+use lanesim::rows::{Rows, Strided, Values};
 use lanesim::status::Status;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::integration::{difference, displace};
@@ -54,6 +55,7 @@ fn assert_same(found: &Transition, id: usize, nworld: usize, expected: &Transiti
         ("C", of(&found.c), &expected.c),
         ("D", of(&found.d), &expected.d),
         ("sides", of(&found.sides), &expected.sides),
+        ("changed", of(&found.changed), &expected.changed),
         ("status", of(&found.status), &expected.status),
     ] {
         assert_eq!(bits(found), bits(expected), "{what}: {name} of world {id}");
@@ -157,6 +159,88 @@ fn a_column_is_the_difference_of_two_steps() {
     }
 }
 
+/// Matrices of derivatives of a world of its own.
+fn matrices(worlds: &mut Worlds, target: &Target<'_>) -> Vec<Vec<f64>> {
+    let arrays = target.arrays(worlds.model(), false);
+    let mut all: Vec<Vec<f64>> = arrays.iter().map(|(_, dims, _)| vec![0.0; dims.iter().product()]).collect();
+    let rows = all.iter_mut().map(|rows| Rows::F64(rows)).collect();
+    let call = (&Scheme::default(), Solving::Accurate);
+    worlds.derivatives_into(target, call.0, call.1, rows, (None, None)).expect("derivatives");
+    all
+}
+
+#[test]
+fn columns_of_inverse_dynamics_are_differences() {
+    for (name, integrator, discrete) in [
+        ("zoo/ant", "Euler", "disable"),
+        ("zoo/hopper", "implicitfast", "enable"),
+        ("zoo/four_bar", "discrete", "disable"),
+    ] {
+        let model = load_with(name, &[("integrator", integrator), ("invdiscrete", discrete)]);
+        let base = copied(&moving(&model, 2, &Options::default()), &[1], &options(Precision::F64, Backend::Native));
+        let nv = model.tables().sizes.nv;
+        let qacc: Vec<f64> = (0..nv).map(|i| 0.3 * i as f64 - 1.0).collect();
+        let target = Target::Inverse(Strided::new(Values::F64(&qacc), nv));
+        let found = matrices(&mut copied(&base, &[0], &Options::default()), &target);
+        for column in 0..3 * nv {
+            let end = |eps: f64| {
+                let mut world = copied(&base, &[0], &options(Precision::F64, Backend::Scalar));
+                let (mut qacc, i) = (qacc.clone(), column % nv);
+                match column / nv {
+                    0 => {
+                        let qpos = world.get(Field::Qpos, 0).expect("a field");
+                        let (mut to, mut dq) = (qpos.clone(), vec![0.0; nv]);
+                        dq[i] = eps;
+                        displace::<f64>(model.tables(), &qpos, &dq, &mut to);
+                        world.set(Field::Qpos, 0, &to).expect("a world");
+                    }
+                    1 => {
+                        let mut qvel = world.get(Field::Qvel, 0).expect("a field");
+                        qvel[i] += eps;
+                        world.set(Field::Qvel, 0, &qvel).expect("a world");
+                    }
+                    _ => qacc[i] += eps,
+                }
+                world.inverse(&qacc).expect("forces")
+            };
+            for (row, (to, from)) in end(1e-6).iter().zip(end(-1e-6)).enumerate() {
+                let (x, expected) = (found[column / nv][row * nv + column % nv], (to - from) / 2e-6 + 0.0);
+                assert_eq!(x.to_bits(), expected.to_bits(), "{name} column {column} row {row}: {x} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn accelerations_of_ends_are_those_of_columns() {
+    let model = accurate(&load("zoo/ant")).expect("a model");
+    let base = copied(&moving(&model, 2, &Options::default()), &[1], &Options::default());
+    let found = matrices(&mut copied(&base, &[0], &Options::default()), &Target::Acceleration);
+    let (nv, nu) = (model.tables().sizes.nv, model.tables().sizes.nu);
+    let qacc = |change: Option<(Field, usize, f64)>| {
+        let mut world = copied(&base, &[0], &Options::default());
+        if let Some((field, i, eps)) = change {
+            let mut values = world.get(field, 0).expect("a field");
+            values[i] += eps;
+            world.set(field, 0, &values).expect("a world");
+        }
+        let mut qacc = vec![0.0; nv];
+        world.read_all(&["qacc"], vec![Rows::F64(&mut qacc)]).expect("accelerations");
+        qacc
+    };
+    for (field, count) in [(Field::Qvel, nv), (Field::Ctrl, nu)] {
+        for i in 0..count {
+            let ends = [1e-6, -1e-6].map(|eps| qacc(Some((field, i, eps))));
+            for row in 0..nv {
+                let x = if field == Field::Qvel { found[0][row * 2 * nv + nv + i] } else { found[1][row * nu + i] };
+                let expected = (ends[0][row] - ends[1][row]) / 2e-6;
+                let scale = ends[0].iter().fold(1.0_f64, |most, x| most.max(x.abs()));
+                assert!((x - expected).abs() < 1e-7 * scale, "{field:?} {i} row {row}: {x} {expected}");
+            }
+        }
+    }
+}
+
 #[test]
 fn controls_at_limits_are_one_sided() {
     let xml = "<mujoco><worldbody><body><joint name='j' type='slide'/><geom size='.1' mass='1'/></body></worldbody><actuator>
@@ -222,7 +306,8 @@ fn bad_input_is_refused() {
         ])
     };
     let run = |inputs: &BTreeMap<String, Array>, scheme: Scheme| {
-        cloud::transition(&model, inputs, (&scheme, Solving::Accurate), &Options::default(), None)
+        let call = Call { scheme, solving: Solving::Accurate, options: &Options::default(), progress: None };
+        cloud::transition(&model, inputs, &call)
     };
     assert_eq!(run(&states(start.clone()), Scheme::default()).expect("derivatives")[0].1.shape(), [1, 28, 28]);
     for eps in [0.0, -1e-6, f64::NAN, f64::INFINITY, 2.0, 1e-13] {

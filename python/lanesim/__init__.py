@@ -11,13 +11,14 @@
 `Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model:
 ``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
 `rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion, `transition` the derivatives
-of steps. `OUTPUTS` describes every quantity that ``Worlds.get`` and
+of steps, `acceleration_derivatives` and `inverse_derivatives` those of either. `OUTPUTS` describes every quantity that ``Worlds.get`` and
 ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector
 environment.
 """
 
 from . import _lanesim
 from ._lanesim import __version__
+from .derivatives import Transition, acceleration_derivatives, inverse_derivatives, transition
 from .errors import (
     Diagnostic,
     DivergedError,
@@ -35,7 +36,6 @@ from .model import Cone, Integrator, Key, Model, Options, Report, Solver
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
 from .status import Status, StatusEvent
-from .transition import Transition, transition
 from .worlds import PARAMETERS, Worlds
 
 OUTPUTS: dict[str, str] = dict(_lanesim.OUTPUTS)
@@ -69,7 +69,9 @@ __all__ = [
     "WorldMemoryError",
     "Worlds",
     "__version__",
+    "acceleration_derivatives",
     "inverse",
+    "inverse_derivatives",
     "rollout",
     "shutdown_persistent_pool",
     "transition",

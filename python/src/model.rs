@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use lanesim::Diagnostics;
-use lanesim::cloud;
+use lanesim::cloud::{self, Target};
 use lanesim::mjcf::{self, Asset, Document, Include, LoadOptions};
 use lanesim::model::{ArrayData, Names};
+use lanesim::rows::{Strided, Values};
 use lanesim::spec::Spec;
 use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
@@ -174,9 +175,15 @@ impl Model {
         py.detach(|| cloud::check_quaternions(&self.model, values, &shape)).map_err(|e| raise(py, e))
     }
 
-    /// Arrays of derivatives: name, a world's dimensions, and whether it is of integers.
-    fn derivatives(&self, sensors: bool) -> Vec<(&'static str, Vec<usize>, bool)> {
-        cloud::arrays(&self.model, sensors).to_vec()
+    /// Arrays of derivatives of `of`, "transition", "acceleration" or "inverse": name, a world's dimensions, and whether it is of integers.
+    fn derivatives(&self, of: &str, sensors: bool) -> Vec<(&'static str, Vec<usize>, bool)> {
+        let none = Strided { values: Values::F64(&[]), offset: 0, stride: 0 };
+        let target = match of {
+            "acceleration" => Target::Acceleration,
+            "inverse" => Target::Inverse(none),
+            _ => Target::Transition,
+        };
+        target.arrays(&self.model, sensors)
     }
 
     #[getter]

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Instant;
 
-use lanesim::cloud::{Scheme, Solving};
+use lanesim::cloud::{self, Scheme, Solving};
 use lanesim::rows::{Rows, Strided};
 use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Plan, Precision, Reading, Rollout};
 use lanesim_kernels::state::Status;
@@ -325,11 +325,15 @@ impl Worlds {
         result.map_err(|e| raise(py, e))
     }
 
-    /// Derivatives of the next states, written to `targets`; `progress` is called with the number of worlds done.
-    #[pyo3(signature = (scheme, accurate, targets, progress))]
-    fn transition(
+    /// Derivatives of steps, of accelerations (`of`: "acceleration"), or of inverse dynamics if there are accelerations `qacc`, [nworld, nv], written to
+    /// `targets`; `progress` is called with the number of worlds done.
+    #[pyo3(signature = (of, qacc, scheme, accurate, targets, progress))]
+    #[expect(clippy::too_many_arguments, reason = "as many as the Python side has to say")]
+    fn derivatives(
         &self,
         py: Python<'_>,
+        of: &str,
+        qacc: Option<Numbers<'_>>,
         scheme: (Option<f64>, bool, bool),
         accurate: bool,
         mut targets: Vec<Target<'_>>,
@@ -342,10 +346,16 @@ impl Worlds {
         let eps = eps.unwrap_or_else(|| Scheme::eps(worlds.options().precision, centred));
         let scheme = Scheme { eps, centred, sensors };
         let solving = if accurate { Solving::Accurate } else { Solving::FixedWork };
+        let stride = worlds.model().tables().sizes.nv;
+        let of = match &qacc {
+            Some(qacc) => cloud::Target::Inverse(Strided { values: qacc.values()?, offset: 0, stride }),
+            None if of == "acceleration" => cloud::Target::Acceleration,
+            None => cloud::Target::Transition,
+        };
         let (cancel, done, amount) = (AtomicBool::new(false), AtomicU64::new(0), worlds.nworld() as f64);
         let start = Instant::now();
         let short = pace.is_short(amount);
-        let work = || worlds.transition_into(&scheme, solving, rows, (Some(&done), Some(&cancel)));
+        let work = || worlds.derivatives_into(&of, &scheme, solving, rows, (Some(&done), Some(&cancel)));
         let result =
             if short { py.detach(work) } else { watched(py, &cancel, |py| follow(py, &progress, &done), work)? };
         result.map_err(|e| raise(py, e))?;

@@ -124,3 +124,58 @@ def test_bad_input_is_named(ant):
         lanesim.transition(ant, qpos, qvel, eps=1e-6, precision="f32")
     with pytest.raises(lanesim.UnknownNameError, match="solving is 'exact'; expected one of accurate, fixed_work"):
         lanesim.transition(ant, qpos, qvel, solving="exact")
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "discrete"])
+def test_accelerations_lead_to_steps(ant, integrator):
+    """Of a step that is explicit but for what it adds to velocities, A's velocity rows are those of qacc, times the time step."""
+    worlds = lanesim.Worlds(ant, 3)
+    rows = worlds.rollout(np.random.default_rng(1).uniform(-1, 1, (3, 40, ant.nu)), outputs=["qpos", "qvel"])
+    model = ant.replace(integrator=integrator, eulerdamp=False)
+    given = rows["qpos"][:, -1], rows["qvel"][:, -1]
+    ctrl = np.full((3, ant.nu), 0.3)
+    steps, found = lanesim.transition(model, *given, ctrl=ctrl), lanesim.acceleration_derivatives(model, *given, ctrl=ctrl)
+    assert found.A.shape == (3, 14, 28) and found.B.shape == (3, 14, 8)
+    if integrator == "implicitfast":  # Its steps have another matrix than its accelerations.
+        return
+    h, nv = model.opt.timestep, model.nv
+    still = np.concatenate([np.zeros((nv, nv)), np.eye(nv)], axis=1)
+    np.testing.assert_allclose(still + h * found.A, steps.A[:, nv:], atol=1e-7 * np.abs(steps.A).max())
+    np.testing.assert_allclose(h * found.B, steps.B[:, nv:], atol=1e-7 * np.abs(steps.B).max())
+
+
+@pytest.mark.parametrize("name", ["zoo/ant", "zoo/hopper", "zoo/four_bar", "unit/ball", "unit/fluid_ellipsoid", "unit/condim_elliptic"])
+def test_inverse_derivatives_are_mujocos(name):
+    mujoco = pytest.importorskip("mujoco")
+    reference = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))
+    data, random = mujoco.MjData(reference), np.random.default_rng(3)
+    model = lanesim.Model.from_xml_path(MODELS / f"{name}.xml")
+    nv = reference.nv
+    for _ in range(3):
+        for _ in range(40):
+            data.ctrl = random.uniform(-0.5, 0.5, reference.nu)
+            mujoco.mj_step(reference, data)
+        data.qacc = random.normal(size=nv)
+        state = data.qpos.copy(), data.qvel.copy(), data.qacc.copy()
+        expected = [np.zeros((nv, nv)) for _ in range(3)]
+        mujoco.mjd_inverseFD(reference, data, 1e-6, False, *expected, None, None, None, None)
+        found = lanesim.inverse_derivatives(model, *state, act=data.act, centred=False)
+        for ours, theirs in zip(found, expected):
+            np.testing.assert_allclose(ours, theirs.T, rtol=0, atol=1e-6 * max(1, np.abs(theirs).max()))
+        centred = lanesim.inverse_derivatives(model, *state, act=data.act)
+        mass = np.zeros((nv, nv))
+        mujoco.mj_forward(reference, data)  # Differences leave the inertia of another state.
+        mujoco.mj_fullM(reference, data, mass)
+        if data.nefc == 0:
+            np.testing.assert_allclose(centred.da, mass, rtol=0, atol=1e-7 * np.abs(mass).max())
+
+
+def test_rows_that_begin_to_act_are_counted():
+    xml = """<mujoco><option gravity="0 0 0"/><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 .1"><freejoint/><geom size=".1"/>
+        </body></worldbody></mujoco>"""
+    model = lanesim.Model.from_xml_string(xml)
+    rows = np.tile(model.qpos0, (3, 1))
+    rows[:, 2] = 0.2, 0.1 + 1e-7, 0.0999  # in the air, within eps, in contact
+    found = lanesim.transition(model, rows, np.zeros((3, 6)))
+    assert found.changed[:, 2].tolist() == [0, 1, 0]
+    assert not found.changed[:, [0, 1, 3, 4, 5]].any()

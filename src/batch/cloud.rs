@@ -1,13 +1,18 @@
-//! Clouds: of every world, the next states that follow from it and from states beside it.
+//! Clouds: of every world, what follows from its state and from states beside it.
 //!
 //! A block of a cloud holds some worlds, each in as many lanes: in one lane of each of them one column is perturbed. All columns of a
 //! kind are gone through so, first to one side, then to the other, which leaves differences lane by lane. As all lanes of a world have
 //! what was found for its nominal state, columns of controls and of velocities start where these matter.
 
+mod acting;
+mod end;
+
+use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 use lanesim_kernels::diagnosis;
-use lanesim_kernels::integration::{difference, displace};
+use lanesim_kernels::integration::displace;
+use lanesim_kernels::inverse::{self, Inverse};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Actuator, Model as KernelModel};
 use lanesim_kernels::options::Integrator;
@@ -16,43 +21,20 @@ use lanesim_kernels::stage::{Stage, Stages, Start};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status};
 use lanesim_kernels::step;
 
+use self::acting::Acting;
+use self::end::End;
 use super::{Batch, Crew, Job, Worker};
 use crate::block::Block;
-use crate::cloud::request::{Request, Scheme, Shape};
+use crate::cloud::request::{Kind, Of, Request, Scheme, Shape};
 use crate::options::Tables;
 use crate::plan::Plan;
 use crate::rows::Rows;
 use crate::store::copy;
 
-/// Columns that a cloud goes through together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Position,
-    Velocity,
-    /// Activations, then controls.
-    Actuation,
-}
-
-impl Kind {
-    /// From where on a step has to be evaluated. Between the evaluations of a Runge-Kutta step nothing stays.
-    fn start<T>(self, model: &KernelModel<T>) -> Start {
-        match self {
-            _ if model.options.integrator == Integrator::Rk4 => Start::Position,
-            Kind::Position => Start::Position,
-            Kind::Velocity => Start::Velocity,
-            Kind::Actuation => Start::Actuation,
-        }
-    }
-}
-
-/// What follows from a block's states.
-#[derive(Debug, Default)]
-struct End<L> {
-    qpos: Vec<L>,
-    qvel: Vec<L>,
-    act: Vec<L>,
-    sensordata: Vec<L>,
-}
+/// More lanes than any lane type has.
+const LANES: usize = 16;
+/// In each lane the column that is perturbed.
+type Columns = [Option<usize>; LANES];
 
 /// What a thread has for clouds.
 #[derive(Debug)]
@@ -61,11 +43,15 @@ pub(super) struct Cloud<L> {
     block: Block<L>,
     /// The states around which they are.
     nominal: State<L>,
-    /// Nominal, and to either side.
+    /// Accelerations, of inverse dynamics.
+    given: Vec<L>,
+    /// What follows from nominal states, and to either side.
     ends: [End<L>; 3],
+    /// Which rows act in the nominal states, and in others.
+    acting: [Acting; 2],
     /// A step in the tangent space of positions.
     tangent: Vec<L>,
-    /// The derivatives of a column in each lane: of the next state, then of sensors.
+    /// The derivatives by a column in each lane.
     slopes: Vec<L>,
 }
 
@@ -77,24 +63,19 @@ const MINUS: usize = 2;
 impl<L: LaneQuery> Cloud<L> {
     fn new(model: &KernelModel<L::Real>) -> Self {
         let sizes = &model.sizes;
-        let zeros = |n: usize| vec![L::zero(); n];
-        let end = || End {
-            qpos: zeros(sizes.nq),
-            qvel: zeros(sizes.nv),
-            act: zeros(sizes.na),
-            sensordata: zeros(sizes.nsensordata),
-        };
         Cloud {
             block: Block::new(model),
             nominal: State::new(sizes),
-            ends: [end(), end(), end()],
-            tangent: zeros(sizes.nv),
-            slopes: zeros(2 * sizes.nv + sizes.na + sizes.nsensordata),
+            given: vec![L::zero(); sizes.nv],
+            ends: Default::default(),
+            acting: Default::default(),
+            tangent: vec![L::zero(); sizes.nv],
+            slopes: Vec::new(),
         }
     }
 
     /// Takes worlds from the lanes of a block, each into `share` lanes; the lanes that are left repeat the first.
-    fn fill(&mut self, model: &KernelModel<L::Real>, from: &Block<L>, lanes: std::ops::Range<usize>, share: usize) {
+    fn fill(&mut self, model: &KernelModel<L::Real>, from: &Block<L>, lanes: Range<usize>, share: usize) {
         let (start, count) = (lanes.start, lanes.len());
         let source = |lane: usize| start + if lane / share < count { lane / share } else { 0 };
         let all = |from: &[L], to: &mut [L]| (0..L::WIDTH).for_each(|lane| copy(from, source(lane), to, lane));
@@ -112,14 +93,30 @@ impl<L: LaneQuery> Cloud<L> {
         }
     }
 
+    /// The accelerations of the worlds that it was filled with, whose first has this number.
+    fn give(&mut self, request: &Request<'_>, first_world: usize, work: &Work<'_>) {
+        let Some(qacc) = request.qacc else { return };
+        let nv = self.given.len();
+        for lane in 0..L::WIDTH {
+            let id = work.ids.get(lane / work.share).unwrap_or(&work.ids[0]);
+            qacc.row(first_world + id, nv, |i, x| self.given[i].set(lane, L::Real::from_f64(x)));
+        }
+    }
+
     /// The nominal states again.
     fn rewind(&mut self) {
         (0..State::<L>::COUNT).for_each(|n| self.block.state.field_mut(n).copy_from_slice(self.nominal.field(n)));
     }
 
-    /// Perturbs in each lane the column that is given for it, by `eps`.
-    fn perturb(&mut self, model: &KernelModel<L::Real>, kind: Kind, columns: &[Option<usize>], eps: f64) {
-        let Cloud { block, nominal, tangent, .. } = self;
+    /// Perturbs in each lane the column that is given for it, by `eps`; `accelerations` are those of inverse dynamics.
+    fn perturb(
+        &mut self,
+        model: &KernelModel<L::Real>,
+        (kind, columns): (Kind, &Columns),
+        eps: f64,
+        accelerations: &mut [L],
+    ) {
+        let Cloud { block: Block { state, .. }, nominal, tangent, .. } = self;
         let na = model.sizes.na;
         let columns = columns.iter().enumerate().filter_map(|(lane, column)| Some((lane, (*column)?)));
         let eps = L::Real::from_f64(eps);
@@ -131,53 +128,33 @@ impl<L: LaneQuery> Cloud<L> {
             Kind::Position => {
                 tangent.fill(L::zero());
                 columns.for_each(|(lane, column)| tangent[column].set(lane, eps));
-                displace(model, &nominal.qpos, tangent, &mut block.state.qpos);
+                displace(model, &nominal.qpos, tangent, &mut state.qpos);
             }
-            Kind::Velocity => columns.for_each(|(lane, column)| add(&mut block.state.qvel[column], lane)),
+            Kind::Velocity => columns.for_each(|(lane, column)| add(&mut state.qvel[column], lane)),
+            Kind::Acceleration => columns.for_each(|(lane, column)| add(&mut accelerations[column], lane)),
             Kind::Actuation => columns.for_each(|(lane, column)| match column.checked_sub(na) {
-                None => add(&mut block.state.act[column], lane),
-                Some(control) => add(&mut block.state.ctrl[control], lane),
+                None => add(&mut state.act[column], lane),
+                Some(control) => add(&mut state.ctrl[control], lane),
             }),
         }
     }
 
-    /// Derivatives of the lanes in which the column was perturbed to the sides that are given: differences of ends by their distance.
-    fn differentiate(&mut self, model: &KernelModel<L::Real>, [plus, minus]: [u32; 2], eps: f64) {
-        let Cloud { ends: [nominal, to, from], slopes, .. } = self;
-        let [forward, backward] = [plus, minus].map(L::mask_of);
-        let (eps, both) = (L::of(eps), L::mask_of(plus & minus));
-        let distance = L::select(both, eps + eps, eps);
-        let choose = |mask: L::Mask, own: &mut Vec<L>, nominal: &[L]| {
-            own.iter_mut().zip(nominal).for_each(|(own, nominal)| *own = L::select(mask, *own, *nominal));
-        };
-        for (mask, end) in [(forward, &mut *to), (backward, &mut *from)] {
-            choose(mask, &mut end.qpos, &nominal.qpos);
-            choose(mask, &mut end.qvel, &nominal.qvel);
-            choose(mask, &mut end.act, &nominal.act);
-            choose(mask, &mut end.sensordata, &nominal.sensordata);
-        }
-        let (positions, others) = slopes.split_at_mut(nominal.qvel.len());
-        difference(model, &from.qpos, &to.qpos, positions);
-        let of =
-            |end: &End<L>| [&end.qvel, &end.act, &end.sensordata].into_iter().flatten().copied().collect::<Vec<L>>();
-        for (slope, (to, from)) in others.iter_mut().zip(of(to).into_iter().zip(of(from))) {
-            *slope = to - from;
-        }
-        slopes.iter_mut().for_each(|slope| *slope = *slope / distance);
+    /// The lanes of worlds that are bits of `alive`.
+    fn spread(&self, alive: u32, work: &Work<'_>) -> u32 {
+        let lanes = 0..work.ids.len() * work.share;
+        lanes.fold(0, |bits, lane| bits | (alive >> (lane / work.share) & 1) << lane)
     }
 }
 
-impl Kind {
-    /// In the order in which they are gone through: none changes what the next ones take over from the nominal states.
-    const ALL: [Kind; 3] = [Kind::Actuation, Kind::Velocity, Kind::Position];
-
-    /// How many columns there are, and the first of them among all.
-    fn columns(self, shape: &Shape) -> (usize, usize) {
-        match self {
-            Kind::Position => (shape.nv, 0),
-            Kind::Velocity => (shape.nv, shape.nv),
-            Kind::Actuation => (shape.na + shape.nu, 2 * shape.nv),
-        }
+/// From where on a kind's states have to be evaluated; `None`: not at all. Between the evaluations of a Runge-Kutta step nothing stays.
+fn start<T>(kind: Kind, of: Of, model: &KernelModel<T>) -> Option<Start> {
+    let parts = of == Of::Transition && model.options.integrator == Integrator::Rk4;
+    match kind {
+        _ if parts => Some(Start::Position),
+        Kind::Position => Some(Start::Position),
+        Kind::Velocity => Some(Start::Velocity),
+        Kind::Actuation => Some(Start::Actuation),
+        Kind::Acceleration => None,
     }
 }
 
@@ -191,7 +168,7 @@ fn sides<T: Real>(actuator: &Actuator<T>, control: f64, eps: f64) -> [bool; 2] {
 /// Lanes for each of `count` worlds, such that the fewest evaluations are needed; of equal ones the most, where lanes have most in common.
 fn share(width: usize, count: usize, shape: &Shape) -> usize {
     let rounds = |share: usize| {
-        let columns = Kind::ALL.iter().map(|kind| kind.columns(shape).0.div_ceil(share)).sum::<usize>();
+        let columns = shape.kinds().iter().map(|kind| shape.columns(*kind).0.div_ceil(share)).sum::<usize>();
         (1 + 2 * columns) * count.div_ceil(width / share)
     };
     let shares = std::iter::successors(Some(width), |share| (share % 2 == 0).then_some(share / 2));
@@ -199,16 +176,17 @@ fn share(width: usize, count: usize, shape: &Shape) -> usize {
 }
 
 impl<L: LaneQuery<Real: Tables>> Batch<L> {
-    /// Writes every world's derivatives: of the next state and, if they are wanted, of sensors by the state and by controls, how each
-    /// column was perturbed, and the status of the worlds. NaN where there are none.
+    /// Writes every world's derivatives, how each column was perturbed, how many rows began or ceased to act there, and what happened. NaN
+    /// where there are no derivatives.
     pub(super) fn cloud(&mut self, request: &Request<'_>, rows: Vec<Rows<'_>>) {
-        let shape = Shape::new(&self.crew.model, request.scheme.sensors);
-        let columns = (2 * shape.states() + shape.nu) as f64;
-        let pace = columns * self.crew.paces.step.get();
-        let _ = self.each(1, pace, rows, request.cancel, |crew, Job { worlds, group, rows, .. }, worker| {
+        let shape = Shape::new(&self.crew.model, request.of, request.scheme.sensors);
+        let pace = 2.0 * shape.all() as f64 * self.crew.paces.step.get();
+        let _ = self.each(1, pace, rows, request.cancel, |crew, Job { first_world, worlds, group, rows }, worker| {
             for block in group.blocks() {
                 let before = block.status;
-                crew.guard(block, worker, |block, worker| crew.cloud_block(request, &shape, rows, block, worker));
+                crew.guard(block, worker, |block, worker| {
+                    crew.cloud_block((request, &shape, *first_world), rows, block, worker);
+                });
                 if block.status != before {
                     block.ids.iter().for_each(|id| shape.lose(rows, *id, block.status.lane(0)));
                 }
@@ -223,8 +201,7 @@ impl<L: LaneQuery<Real: Tables>> Batch<L> {
 impl<L: LaneQuery<Real: Tables>> Crew<L> {
     fn cloud_block(
         &self,
-        request: &Request<'_>,
-        shape: &Shape,
+        (request, shape, first_world): (&Request<'_>, &Shape, usize),
         rows: &mut [Rows<'_>],
         block: &mut Block<L>,
         worker: &mut Worker<L>,
@@ -237,8 +214,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
             let lanes = first..count.min(first + worlds);
             cloud.fill(&self.tables, block, lanes.clone(), share);
             let work = Work { request, shape, share, ids: &block.ids[lanes] };
+            cloud.give(request, first_world, &work);
             let alive = cloud.spread(block.status.alive >> first, &work);
-            self.cloud_of(&work, alive, rows, &mut cloud, worker);
+            self.cloud_of(&work, alive, rows, (&mut cloud, worker));
         }
         worker.cloud = Some(cloud);
     }
@@ -249,8 +227,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         work: &Work<'_>,
         alive: u32,
         rows: &mut [Rows<'_>],
-        cloud: &mut Cloud<L>,
-        worker: &mut Worker<L>,
+        (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
     ) {
         let mut events = BlockStatus { alive, ..BlockStatus::default() };
         cloud.rewind();
@@ -260,15 +237,15 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         let bad = bad.iter().fold(0, |bad, (_, lanes)| bad | lanes);
         // A rotation by no quaternion has no neighbours.
         let nowhere = events.lanes(Status::QUAT_ZERO);
-        let alive = self.end_of(work, None, alive & !bad & !nowhere, (cloud, worker), &mut events);
+        let alive = self.end_of(work, None, alive & !bad & !nowhere, 0.0, (cloud, worker), &mut events);
         // Columns start from what constraints add to the nominal acceleration.
         let Cloud { block, nominal, .. } = &mut *cloud;
         nominal.qacc_warmstart.copy_from_slice(&block.state.qacc_warmstart);
-        for kind in Kind::ALL {
-            let count = kind.columns(work.shape).0;
+        for kind in work.shape.kinds() {
+            let count = work.shape.columns(*kind).0;
             for first in (0..count).step_by(work.share) {
-                let columns = work.columns::<L>(first, count);
-                self.columns_of(work, kind, &columns, alive, rows, (cloud, worker), &mut events);
+                let columns = work.columns(first, count);
+                self.columns_of(work, (*kind, &columns), alive, rows, (cloud, worker), &mut events);
             }
         }
         for (i, id) in work.ids.iter().enumerate() {
@@ -282,12 +259,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
     }
 
     /// Derivatives by one column of a kind in each lane.
-    #[expect(clippy::too_many_arguments, reason = "what it reads, where it writes, and what it works with")]
     fn columns_of(
         &self,
         work: &Work<'_>,
-        kind: Kind,
-        columns: &[Option<usize>],
+        (kind, columns): (Kind, &Columns),
         alive: u32,
         rows: &mut [Rows<'_>],
         (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
@@ -299,7 +274,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         let [mut forward, mut backward] = [wanted; 2];
         if kind == Kind::Actuation {
             for (lane, column) in columns.iter().enumerate() {
-                let Some(control) = column.and_then(|column| column.checked_sub(work.shape.na)) else { continue };
+                let Some(control) = column.and_then(|column| column.checked_sub(self.tables.sizes.na)) else {
+                    continue;
+                };
                 let value = cloud.nominal.ctrl[control].get(lane).to_f64();
                 let [plus, minus] = sides(&self.tables.actuators[control], value, eps);
                 forward &= !(u32::from(!plus) << lane);
@@ -309,59 +286,89 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         if !centred {
             backward &= !forward;
         }
-        let mut lost = 0;
+        let (mut lost, mut changed) = (0, [0; LANES]);
         for (end, lanes, eps) in [(PLUS, forward, eps), (MINUS, backward, -eps)] {
             if lanes != 0 {
-                cloud.rewind();
-                cloud.perturb(&self.tables, kind, columns, eps);
-                lost |= lanes & !self.end_of(work, Some((kind, end)), lanes, (cloud, worker), events);
+                lost |= lanes & !self.end_of(work, Some((kind, columns, end)), lanes, eps, (cloud, worker), events);
+                let [nominal, acting] = &cloud.acting;
+                nominal.compare(acting, lanes, &mut changed);
             }
         }
-        cloud.differentiate(&self.tables, [forward, backward], eps);
-        let first = kind.columns(work.shape).1;
-        for (lane, column) in columns.iter().enumerate().filter(|(lane, _)| wanted >> lane & 1 != 0) {
-            let Some(column) = column.map(|column| first + column) else { continue };
-            let id = work.ids[lane / work.share];
-            let taken = |lanes: u32| lanes >> lane & 1 != 0;
-            let known = !taken(lost);
-            let slopes = cloud.slopes.iter().map(|x| if known { x.get(lane).to_f64() + 0.0 } else { f64::NAN });
-            work.shape.write(rows, id, column, slopes);
-            work.shape.mark(rows, id, column, [taken(forward), taken(backward)]);
+        let Cloud { ends: [nominal, plus, minus], slopes, .. } = &mut *cloud;
+        end::differentiate(&self.tables, [nominal, plus, minus], [forward, backward], eps, slopes);
+        let first = work.shape.columns(kind).1;
+        for (i, id) in work.ids.iter().enumerate() {
+            let lanes = i * work.share..(i + 1) * work.share;
+            if wanted >> lanes.start & 1 == 0 {
+                continue;
+            }
+            let (start, count) = (columns[lanes.start].unwrap_or(0), columns[lanes.clone()].iter().flatten().count());
+            let slope = |row: usize, i: usize| match lost >> (lanes.start + i) & 1 {
+                0 => cloud.slopes[row].get(lanes.start + i).to_f64() + 0.0,
+                _ => f64::NAN,
+            };
+            work.shape.write(rows, (*id, first + start), count, slope);
+            for (lane, column) in lanes.take(count).zip(first + start..) {
+                let taken = |lanes: u32| lanes >> lane & 1 != 0;
+                work.shape.mark(rows, *id, column, [taken(forward), taken(backward)], changed[lane]);
+            }
         }
     }
 
-    /// Takes a step from the block's states, in the lanes of `alive`, and keeps where it ends: of nominal states or of a kind of column, to
-    /// one side. Returns the lanes that came to an end.
+    /// Evaluates the nominal states, or those beside them in which columns of a kind are perturbed by `eps`, in the lanes of `alive`, and
+    /// keeps what follows. Returns the lanes in which something did.
     fn end_of(
         &self,
         work: &Work<'_>,
-        of: Option<(Kind, usize)>,
+        of: Option<(Kind, &Columns, usize)>,
         alive: u32,
+        eps: f64,
         (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
         events: &mut BlockStatus,
     ) -> u32 {
-        let Cloud { block: Block { state, applied, varied, .. }, ends, .. } = cloud;
-        let sensors = work.request.scheme.sensors;
-        let mut plan = Plan::step(&[]);
+        let Worker { workspace, code, inverse, .. } = worker;
+        let inverse = inverse.get_or_insert_with(|| Inverse::new(&self.tables.sizes));
+        cloud.rewind();
+        inverse.given.copy_from_slice(&cloud.given);
+        if let Some((kind, columns, _)) = of {
+            cloud.perturb(&self.tables, (kind, columns), eps, &mut inverse.given);
+        }
+        let Cloud { block: Block { state, applied, varied, .. }, ends, acting, .. } = cloud;
+        let start = of.map_or(Some(Start::Position), |(kind, ..)| start(kind, work.request.of, &self.tables));
+        let sensors = work.request.scheme.sensors && work.request.of == Of::Transition;
+        let mut plan = if work.request.of == Of::Inverse { Plan::inverse() } else { Plan::step(&[]) };
         if sensors {
             plan.stages = plan.stages | Stages::up_to(Stage::Sensor);
         }
-        let start = of.map_or(Start::Position, |(kind, _)| kind.start(&self.tables));
-        plan.stages = start.within(plan.stages, &self.tables);
+        plan.stages = start.map_or(Stages::NONE, |start| start.within(plan.stages, &self.tables));
         // Columns read what the nominal evaluation leaves.
-        plan.derived = sensors || of.is_none();
+        plan.derived = sensors || of.is_none() || work.request.of == Of::Inverse;
         let mut status = BlockStatus { alive, ..BlockStatus::default() };
-        let mut run = self.run(&plan, (applied.as_deref(), varied.as_deref()), worker.code.as_mut());
-        let solved = pipeline::forward(&self.tables, state, &mut run, &mut status, &mut worker.workspace);
-        let end = &mut ends[of.map_or(NOMINAL, |(_, end)| end)];
-        if sensors {
-            end.sensordata.copy_from_slice(&worker.workspace.sensors.data);
+        let mut run = self.run(&plan, (applied.as_deref(), varied.as_deref()), code.as_mut());
+        let end = &mut ends[of.map_or(NOMINAL, |(.., end)| end)];
+        let acting = &mut acting[usize::from(of.is_some())];
+        if work.request.of == Of::Inverse {
+            let over_step = self.tables.options.flags.invdiscrete;
+            inverse::again(&self.tables, state, over_step, &mut run, &mut status, (workspace, inverse));
+            acting.observe(&self.tables, workspace);
+            end.keep(&[], [&inverse.qfrc_inverse, &[], &[]]);
+        } else {
+            let solved = pipeline::forward(&self.tables, state, &mut run, &mut status, workspace);
+            acting.observe(&self.tables, workspace);
+            if work.request.of == Of::Acceleration {
+                status.record(Status::NOT_CONVERGED, solved.unfinished);
+                status.alive &= solved.lanes;
+                let (qacc, smooth) = (&workspace.solver.fields.qacc, &workspace.acceleration.qacc_smooth);
+                let added = qacc.iter().zip(smooth).map(|(qacc, smooth)| *qacc - *smooth);
+                state.qacc_warmstart.iter_mut().zip(added).for_each(|(warm, added)| *warm = added);
+                end.keep(&[], [qacc, &[], &[]]);
+            } else {
+                step::advance(&self.tables, state, &mut run, &mut status, solved, workspace);
+                let sensordata = if sensors { &workspace.sensors.data[..] } else { &[] };
+                end.keep(&state.qpos, [&state.qvel, &state.act, sensordata]);
+            }
         }
-        step::advance(&self.tables, state, &mut run, &mut status, solved, &mut worker.workspace);
-        end.qpos.copy_from_slice(&state.qpos);
-        end.qvel.copy_from_slice(&state.qvel);
-        end.act.copy_from_slice(&state.act);
-        Status::NAMES.iter().for_each(|(name, _)| events.record(*name, status.lanes(*name) & alive));
+        events.events.iter_mut().zip(status.events).for_each(|(all, lanes)| *all |= lanes & alive);
         let unfinished = if work.request.strict { status.lanes(Status::NOT_CONVERGED) } else { 0 };
         status.alive & !unfinished
     }
@@ -379,19 +386,12 @@ struct Work<'a> {
 
 impl Work<'_> {
     /// In each lane a column of `count`, from `first` on; none in lanes that are left.
-    fn columns<L: LaneQuery>(&self, first: usize, count: usize) -> Vec<Option<usize>> {
-        let column = |lane: usize| {
-            let column = first + lane % self.share;
-            (column < count && lane / self.share < self.ids.len()).then_some(column)
-        };
-        (0..L::WIDTH).map(column).collect()
-    }
-}
-
-impl<L: LaneQuery> Cloud<L> {
-    /// The lanes of worlds that are bits of `alive`.
-    fn spread(&self, alive: u32, work: &Work<'_>) -> u32 {
-        let lanes = 0..work.ids.len() * work.share;
-        lanes.fold(0, |bits, lane| bits | (alive >> (lane / work.share) & 1) << lane)
+    fn columns(&self, first: usize, count: usize) -> Columns {
+        let mut columns = [None; LANES];
+        for (lane, column) in columns.iter_mut().enumerate().take(self.ids.len() * self.share) {
+            let own = first + lane % self.share;
+            *column = (own < count).then_some(own);
+        }
+        columns
     }
 }

@@ -1,7 +1,7 @@
 //! `lanesim fd`: derivatives of steps.
 
 use clap::{Args, ValueEnum};
-use lanesim::cloud::{self, Scheme, Solving};
+use lanesim::cloud::{self, Call, Scheme, Solving, Target};
 
 use super::destination::Destination;
 use super::engine::{self, Loaded};
@@ -22,6 +22,7 @@ motion.npz holds qpos [N, nq] and qvel [N, nv], and may hold time [N], act [N, n
   B       [N, n, nu]  of the next state by controls
   C, D                of sensors, likewise: [N, nsensordata, n] and [N, nsensordata, nu]
   sides   [N, n + nu] how each column was perturbed: 2 to both sides, 1 forward, -1 backward (a control at a limit), 0 not at all
+  changed [N, n + nu] how many limits and contacts push beside the state and not in it, or the other way round
   status  [N]         bits of what happened to the states; where there are no derivatives they are NaN";
 
 /// Arguments of `fd`.
@@ -79,14 +80,16 @@ impl Fd {
         let options = self.run.options(None);
         let eps = self.eps.unwrap_or_else(|| Scheme::eps(options.precision, self.centred));
         let scheme = Scheme { eps, centred: self.centred, sensors: self.sensors };
-        let width = cloud::arrays(&model, self.sensors).iter().map(|(_, dims, _)| dims.iter().product::<usize>()).sum();
+        let arrays = Target::Transition.arrays(&model, self.sensors);
+        let width = arrays.iter().map(|(_, dims, _)| dims.iter().product::<usize>()).sum();
         memory::check("the derivatives", &[count, width, size_of::<f64>()], self.run.max_memory)?;
         let solving = match self.solving {
             How::Accurate => Solving::Accurate,
             How::FixedWork => Solving::FixedWork,
         };
         let progress = Progress::new("fd", "states", count as u64, false);
-        let arrays = cloud::transition(&model, &inputs, (&scheme, solving), &options, Some(progress.counter()));
+        let call = Call { scheme, solving, options: &options, progress: Some(progress.counter()) };
+        let arrays = cloud::transition(&model, &inputs, &call);
         progress.finish();
         let mut arrays = arrays?;
         if !self.sensors {

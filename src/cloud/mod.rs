@@ -10,15 +10,16 @@ use lanesim_kernels::model::{Joint, JointKind};
 use lanesim_kernels::options::{self, Solver};
 
 pub use self::request::Scheme;
-use self::request::{Request, Shape};
+use self::request::{Of, Request, Shape};
 use crate::error::Error;
 use crate::field::Field;
+use crate::inverse;
 use crate::memory;
 use crate::model::Model;
 use crate::npz::{Array, Data};
-use crate::rows::{Rows, Values};
+use crate::rows::{Rows, Strided, Values};
 use crate::states::{Known, States};
-use crate::worlds::{Options, Worlds};
+use crate::worlds::{Options, Worlds, check_fit};
 
 /// How the constraints of a cloud's states are solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,22 +46,41 @@ pub struct Transition {
     /// How each column of A, then of B, was perturbed, `[nworld, n + nu]`: 2 to both sides, 1 forward, -1 backward, as controls at a limit are,
     /// 0 not at all: the control's range is too narrow, or it is outside, and its column is zero.
     pub sides: Vec<f64>,
+    /// How many limits and contacts push beside the state, on either side, that do not push in it, or the other way round, by columns
+    /// likewise: where there are some, the difference goes across a kink.
+    pub changed: Vec<f64>,
     /// Bits of [`Status`](crate::status::Status): what happened to the states, `[nworld]`.
     pub status: Vec<f64>,
 }
 
-/// What [`Worlds::transition_into`] writes: name, a world's dimensions, and whether it is of integers.
-pub fn arrays(model: &Model, sensors: bool) -> [(&'static str, Vec<usize>, bool); 6] {
-    let shape = Shape::new(model, sensors);
-    let (n, nu, ns) = (shape.states(), shape.nu, shape.nsensordata);
-    [
-        ("A", vec![n, n], false),
-        ("B", vec![n, nu], false),
-        ("C", vec![ns, n], false),
-        ("D", vec![ns, nu], false),
-        ("sides", vec![n + nu], true),
-        ("status", vec![], true),
-    ]
+/// Of what derivatives are taken.
+#[derive(Clone, Copy, Debug)]
+pub enum Target<'a> {
+    /// The next state: what is in [`Transition`].
+    Transition,
+    /// The acceleration, MuJoCo's `qacc`: `A`, `[nworld, nv, n]`, by the state, and `B`, `[nworld, nv, nu]`, by controls, for a solver that is
+    /// where the state is.
+    Acceleration,
+    /// The force of inverse dynamics (see [`Worlds::inverse`]) for these accelerations, a row of `nv` for each world: `dq`, `dv` and `da`,
+    /// `[nworld, nv, nv]` each, by positions in the tangent space, by velocities and by accelerations, as MuJoCo's `mjd_inverseFD` but
+    /// not transposed.
+    Inverse(Strided<'a>),
+}
+
+impl Target<'_> {
+    fn of(&self) -> Of {
+        match self {
+            Target::Transition => Of::Transition,
+            Target::Acceleration => Of::Acceleration,
+            Target::Inverse(_) => Of::Inverse,
+        }
+    }
+
+    /// What [`Worlds::derivatives_into`] writes: name, a world's dimensions, and whether it is of integers. Matrices of derivatives, then
+    /// `sides`, `changed` and `status` as in [`Transition`], the columns being those of all matrices in this order.
+    pub fn arrays(&self, model: &Model, sensors: bool) -> Vec<(&'static str, Vec<usize>, bool)> {
+        Shape::new(model, self.of(), sensors).arrays()
+    }
 }
 
 /// The same model with options by which constraints are solved accurately (see [`Solving::Accurate`]).
@@ -143,51 +163,69 @@ impl Worlds {
     ///
     /// If `eps` is out of bounds, or there is no memory for the derivatives.
     pub fn transition(&mut self, scheme: &Scheme) -> Result<Transition, Error> {
-        let arrays = arrays(&self.model, scheme.sensors);
-        let room = |(_, dims, _): (_, Vec<usize>, _)| {
-            let entries: Vec<_> = [self.nworld()].into_iter().chain(dims).collect();
-            memory::zeros("the derivatives", &entries, self.options.max_memory)
-        };
-        let mut all = arrays.into_iter().map(room).collect::<Result<Vec<_>, _>>()?;
+        let mut all = room(&self.model, &Target::Transition, scheme, self.nworld(), self.options.max_memory)?;
         let rows = all.iter_mut().map(|rows| Rows::F64(rows)).collect();
-        self.transition_into(scheme, Solving::FixedWork, rows, (None, None))?;
+        self.derivatives_into(&Target::Transition, scheme, Solving::FixedWork, rows, (None, None))?;
         let mut all = all.into_iter();
         let mut next = || all.next().unwrap_or_default();
-        Ok(Transition { a: next(), b: next(), c: next(), d: next(), sides: next(), status: next() })
+        Ok(Transition { a: next(), b: next(), c: next(), d: next(), sides: next(), changed: next(), status: next() })
     }
 
-    /// The same, written to the caller's arrays, one for each of [`arrays`]. With [`Solving::Accurate`] the model must be an [`accurate`] one; worlds
-    /// and columns that did not converge are NaN. The number that is given counts the worlds that are done; once the flag turns true the result is [`Error::Cancelled`].
+    /// Derivatives of anything, written to the caller's arrays, one for each of [`Target::arrays`]. With [`Solving::Accurate`] the model must be an
+    /// [`accurate`] one; worlds and columns that did not converge are NaN. The number that is given counts the worlds that are done; once the flag
+    /// turns true the result is [`Error::Cancelled`].
     ///
     /// # Errors
     ///
-    /// As above; if an array has another length.
-    pub fn transition_into(
+    /// As above; if an array has another length; if the model's steps cannot be inverted.
+    pub fn derivatives_into(
         &mut self,
+        target: &Target<'_>,
         scheme: &Scheme,
         solving: Solving,
         rows: Vec<Rows<'_>>,
         (progress, cancel): (Option<&AtomicU64>, Option<&AtomicBool>),
     ) -> Result<(), Error> {
         scheme.check(self.options.precision)?;
-        let arrays = arrays(&self.model, scheme.sensors);
+        let (nworld, nv) = (self.nworld(), self.model.tables().sizes.nv);
+        let qacc = if let Target::Inverse(qacc) = target { Some(qacc) } else { None };
+        if let Some(qacc) = qacc {
+            inverse::check_model(&self.model)?;
+            check_fit("qacc", qacc, nworld, nv)?;
+        }
+        let arrays = target.arrays(&self.model, scheme.sensors);
         if rows.len() != arrays.len() {
             return Err(Error::Input(format!("{} arrays for derivatives; expected {}", rows.len(), arrays.len())));
         }
         for ((name, dims, _), rows) in arrays.iter().zip(&rows) {
-            let entries: Vec<_> = [self.nworld()].into_iter().chain(dims.iter().copied()).collect();
+            let entries: Vec<_> = [nworld].into_iter().chain(dims.iter().copied()).collect();
             if memory::product(&entries) != Some(rows.len()) || matches!(rows, Rows::Lists(_)) {
                 let (given, expected) = (rows.len(), memory::count(&entries));
                 return Err(Error::Input(format!("array for {name} has {given} entries; expected {expected}")));
             }
         }
         let strict = solving == Solving::Accurate;
-        self.engine.cloud(&Request { scheme: *scheme, strict, progress, cancel }, rows);
+        self.engine.cloud(&Request { of: target.of(), scheme: *scheme, qacc, strict, progress, cancel }, rows);
         if cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
             return Err(Error::Cancelled);
         }
         Ok(())
     }
+}
+
+/// Room for the derivatives of so many states.
+fn room(
+    model: &Model,
+    target: &Target<'_>,
+    scheme: &Scheme,
+    count: usize,
+    limit: Option<usize>,
+) -> Result<Vec<Vec<f64>>, Error> {
+    let room = |(_, dims, _): (_, Vec<usize>, _)| {
+        let entries: Vec<_> = [count].into_iter().chain(dims).collect();
+        memory::zeros("the derivatives", &entries, limit)
+    };
+    target.arrays(model, scheme.sensors).into_iter().map(room).collect()
 }
 
 /// Arrays that [`transition`] reads: all that decides what a state leads to.
@@ -209,9 +247,34 @@ pub fn inputs() -> impl Iterator<Item = (&'static str, bool)> {
     INPUTS.iter().map(|known| (known.name, known.required))
 }
 
-/// Derivatives of many states, such as those of whole trajectories: arrays `qpos` and `qvel`, and of what else decides a step those that are not
-/// as the model starts, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns what [`arrays`] lists with the same ones (see
-/// [`Transition`]). `progress` counts the states that are done.
+/// Arrays that [`inverse`](fn@inverse) reads.
+const OF_INVERSE: [Known; 8] = [
+    Known::field(Field::Qpos, true),
+    Known::field(Field::Qvel, true),
+    Known::dofs("qacc"),
+    Known::field(Field::Act, false),
+    Known::field(Field::Ctrl, false),
+    Known::field(Field::EqActive, false),
+    Known::field(Field::MocapPos, false),
+    Known::field(Field::MocapQuat, false),
+];
+
+/// What a call is told beside the states: differences, the solver, how worlds work, and who counts the states that are done.
+#[derive(Clone, Copy, Debug)]
+pub struct Call<'a> {
+    /// Differences.
+    pub scheme: Scheme,
+    /// How constraints are solved.
+    pub solving: Solving,
+    /// How worlds work.
+    pub options: &'a Options,
+    /// Counts the states that are done.
+    pub progress: Option<&'a AtomicU64>,
+}
+
+/// Derivatives of steps from many states, such as those of whole trajectories: arrays `qpos` and `qvel`, and of what else decides a step those that
+/// are not as the model starts, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns what [`Target::arrays`] lists with
+/// the same ones (see [`Transition`]).
 ///
 /// # Errors
 ///
@@ -219,28 +282,64 @@ pub fn inputs() -> impl Iterator<Item = (&'static str, bool)> {
 pub fn transition(
     model: &Model,
     inputs: &BTreeMap<String, Array>,
-    (scheme, solving): (&Scheme, Solving),
-    options: &Options,
-    progress: Option<&AtomicU64>,
+    call: &Call<'_>,
 ) -> Result<Vec<(String, Array)>, Error> {
+    many(model, (inputs, &INPUTS), &Target::Transition, call)
+}
+
+/// The same of accelerations, see [`Target::Acceleration`].
+///
+/// # Errors
+///
+/// As of [`transition`].
+pub fn acceleration(
+    model: &Model,
+    inputs: &BTreeMap<String, Array>,
+    call: &Call<'_>,
+) -> Result<Vec<(String, Array)>, Error> {
+    many(model, (inputs, &INPUTS), &Target::Acceleration, call)
+}
+
+/// The same of inverse dynamics, see [`Target::Inverse`]: `qacc` is an array, too, and forces from outside are none.
+///
+/// # Errors
+///
+/// As of [`transition`]; if the model's steps are to be inverted and cannot be.
+pub fn inverse(
+    model: &Model,
+    inputs: &BTreeMap<String, Array>,
+    call: &Call<'_>,
+) -> Result<Vec<(String, Array)>, Error> {
+    let none = Strided { values: Values::F64(&[]), offset: 0, stride: 0 };
+    many(model, (inputs, &OF_INVERSE), &Target::Inverse(none), call)
+}
+
+fn many(
+    model: &Model,
+    (inputs, known): (&BTreeMap<String, Array>, &[Known]),
+    target: &Target<'_>,
+    call: &Call<'_>,
+) -> Result<Vec<(String, Array)>, Error> {
+    let Call { scheme, solving, options, progress } = call;
     scheme.check(options.precision)?;
-    let states = States::new(model, inputs, &INPUTS)?;
+    let states = States::new(model, inputs, known)?;
     let qpos = inputs.get(Field::Qpos.name());
     qpos.map_or(Ok(()), |qpos| check_quaternions(model, Values::F64(&qpos.to_f64()), qpos.shape()))?;
-    let model = &if solving == Solving::Accurate { accurate(model)? } else { model.clone() };
-    let arrays = arrays(model, scheme.sensors);
-    let room = |(_, dims, _): &(_, Vec<usize>, _)| {
-        let entries: Vec<_> = [states.count].into_iter().chain(dims.iter().copied()).collect();
-        memory::zeros("the derivatives", &entries, options.max_memory)
-    };
-    let mut all = arrays.iter().map(room).collect::<Result<Vec<_>, _>>()?;
+    // Inverse dynamics solve nothing.
+    let solves = *solving == Solving::Accurate && target.of() != Of::Inverse;
+    let model = &if solves { accurate(model)? } else { model.clone() };
+    let (arrays, nv) = (target.arrays(model, scheme.sensors), model.tables().sizes.nv);
+    let mut all = room(model, target, scheme, states.count, options.max_memory)?;
+    let qacc = states.numbers("qacc");
     states.each(model, options, |worlds, here| {
         let part = |(array, (_, dims, _)): (_, &(_, Vec<usize>, _))| {
             let (array, width): (&mut Vec<f64>, usize) = (array, dims.iter().product());
             Rows::F64(&mut array[here.start * width..here.end * width])
         };
         let rows = all.iter_mut().zip(&arrays).map(part).collect();
-        worlds.transition_into(scheme, solving, rows, (progress, None))
+        let qacc = Strided { values: Values::F64(qacc), offset: here.start * nv, stride: nv };
+        let target = if let Target::Inverse(_) = target { &Target::Inverse(qacc) } else { target };
+        worlds.derivatives_into(target, scheme, *solving, rows, (*progress, None))
     })?;
     let joined = all.into_iter().zip(arrays).map(|(numbers, (name, dims, integers))| {
         let shape = states.leading.iter().copied().chain(dims).collect();
