@@ -5,7 +5,7 @@
     python benches/compare_derivatives.py MODEL... --states 64 --forward --precision f64
 
 For every model, ``lanesim.transition`` and ``mujoco.mjd_transitionFD`` run in turn, --repeats times, over states along a motion under
-uniform control noise; times are per state, the ratio is the median of the ratios of neighbours. MuJoCo solves as the model says, we
+uniform control noise; times are the processor's, per state, the ratio is the median of the ratios of neighbours. MuJoCo solves as the model says, we
 solve until nothing is left but rounding. The difference is that to MuJoCo's derivatives when it solves so, too, relative to the largest entry:
 its median over the states and the worst, which is where a contact begins or ends within eps.
 """
@@ -49,9 +49,9 @@ def theirs(model, data, rows, centred):
         for name, values in rows.items():
             setattr(data, name, values[i])
         mujoco.mj_forward(model, data)
-        start = time.perf_counter()
+        start = time.process_time()
         mujoco.mjd_transitionFD(model, data, EPS, centred, A[i], B[i] if model.nu else None, None, None)
-        seconds += time.perf_counter() - start
+        seconds += time.process_time() - start
     return A, B, seconds
 
 
@@ -67,9 +67,9 @@ def compare(path, args):
     found, ratios, ours, mujocos = run(), [], [], []
     for _ in range(args.repeats):
         mujocos.append(theirs(reference, data, rows, not args.forward)[2] / args.states)
-        start = time.perf_counter()
+        start = time.process_time()
         run()
-        ours.append((time.perf_counter() - start) / args.states)
+        ours.append((time.process_time() - start) / args.states)
         ratios.append(mujocos[-1] / ours[-1])
     for name, value in CONVERGED.items():
         setattr(reference.opt, name, value)
