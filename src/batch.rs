@@ -1,5 +1,6 @@
 //! The engine behind [`Worlds`](crate::Worlds): blocks of one lane type, and the workers that take them through steps.
 
+mod cloud;
 mod crew;
 mod inverse;
 
@@ -13,6 +14,7 @@ use lanesim_kernels::state::Status;
 use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
+use crate::cloud::request::Request;
 use crate::error::Error;
 use crate::field::{Field, Home};
 use crate::group;
@@ -51,6 +53,7 @@ pub(crate) trait Engine: Send {
     fn read_all(&mut self, outputs: &[Output], rows: Vec<Rows<'_>>, cancel: Option<&AtomicBool>);
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
     fn inverse(&mut self, qacc: &Strided<'_>, rows: Rows<'_>, cancel: Option<&AtomicBool>);
+    fn cloud(&mut self, request: &Request<'_>, rows: Vec<Rows<'_>>);
     /// Does `work` on an engine that has only these worlds, in this order, and puts them back where they were.
     fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error>;
     fn vary(&mut self, set: Quantities) -> Result<(), Error>;
@@ -266,6 +269,10 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
 
     fn inverse(&mut self, qacc: &Strided<'_>, rows: Rows<'_>, cancel: Option<&AtomicBool>) {
         self.invert(qacc, rows, cancel);
+    }
+
+    fn cloud(&mut self, request: &Request<'_>, rows: Vec<Rows<'_>>) {
+        self.cloud(request, rows);
     }
 
     fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error> {

@@ -11,19 +11,23 @@ use crate::memory;
 use crate::model::Model;
 use crate::npz::{Array, Data};
 use crate::rows::{Rows, Strided, Values};
-use crate::suggest;
+use crate::states::{Known, States};
 use crate::worlds::{Options, Worlds, check_fit};
 
-/// Worlds that are inverted at once.
-const MOST: usize = 1 << 14;
-
-/// Arrays that [`inverse`] reads: the state, and what of it decides the force.
-const INPUTS: [Field; 5] = [Field::Qpos, Field::Qvel, Field::Act, Field::Ctrl, Field::EqActive];
 /// The accelerations.
 const QACC: &str = "qacc";
+/// Arrays that [`inverse`] reads: the state and the acceleration, and what of the former decides the force.
+const INPUTS: [Known; 6] = [
+    Known::field(Field::Qpos, true),
+    Known::field(Field::Qvel, true),
+    Known::dofs(QACC),
+    Known::field(Field::Act, false),
+    Known::field(Field::Ctrl, false),
+    Known::field(Field::EqActive, false),
+];
 
 /// An error if the model asks for what cannot be had.
-fn check_model(model: &Model) -> Result<(), Error> {
+pub(crate) fn check_model(model: &Model) -> Result<(), Error> {
     let options = &model.tables().options;
     if !options.flags.invdiscrete || invertible(model.tables()) {
         return Ok(());
@@ -104,73 +108,15 @@ impl Worlds {
 /// If an array is missing, unknown, of another shape or has a number that is not finite; if the model has `invdiscrete` and integrator RK4.
 pub fn inverse(model: &Model, inputs: &BTreeMap<String, Array>, options: &Options) -> Result<Array, Error> {
     check_model(model)?;
-    let leading = leading(model, inputs)?;
+    let states = States::new(model, inputs, &INPUTS)?;
     let nv = model.tables().sizes.nv;
-    let count = memory::product(&leading).unwrap_or(usize::MAX);
-    let mut out = memory::zeros("the forces", &[count, nv], options.max_memory)?;
-    let arrays: Vec<_> = INPUTS
-        .into_iter()
-        .filter(|field| field.len(model) > 0)
-        .filter_map(|field| Some((field, field.len(model), inputs.get(field.name())?.to_f64())))
-        .collect();
-    let qacc = inputs.get(QACC).map(Array::to_f64).unwrap_or_default();
-    let mut worlds = Worlds::new(model, count.min(MOST), options)?;
-    let mut first = 0;
-    while first < count {
-        if worlds.nworld() > count - first {
-            worlds = Worlds::new(model, count - first, options)?;
-        }
-        let here = first..first + worlds.nworld();
-        let rows = |values, width| Strided { values: Values::F64(values), offset: here.start * width, stride: width };
-        for (field, width, values) in &arrays {
-            worlds.write_all(*field, &rows(values, *width), None)?;
-        }
-        let part = &mut out[here.start * nv..here.end * nv];
-        worlds.inverse_into(&rows(&qacc, nv), Rows::F64(part), None)?;
-        first = here.end;
-    }
-    let shape = leading.into_iter().chain([nv]).collect();
+    let mut out = memory::zeros("the forces", &[states.count, nv], options.max_memory)?;
+    let qacc = states.numbers(QACC);
+    states.each(model, options, |worlds, here| {
+        let rows = Strided { values: Values::F64(qacc), offset: here.start * nv, stride: nv };
+        worlds.inverse_into(&rows, Rows::F64(&mut out[here.start * nv..here.end * nv]), None)
+    })?;
+    let shape = states.leading.into_iter().chain([nv]).collect();
     Array::new(shape, Data::F64(out))
         .ok_or_else(|| Error::Input("qfrc_inverse has more entries than can be counted".into()))
-}
-
-/// The dimensions before each state's own; checks all arrays.
-fn leading(model: &Model, inputs: &BTreeMap<String, Array>) -> Result<Vec<usize>, Error> {
-    let width = |name: &str| {
-        let field = INPUTS.into_iter().find(|field| field.name() == name);
-        if name == QACC { Some(model.tables().sizes.nv) } else { field.map(|field| field.len(model)) }
-    };
-    let mut found: Option<(&str, &[usize])> = None;
-    for (name, array) in inputs {
-        let Some(width) = width(name) else {
-            let remedy = suggest::or_list(name, INPUTS.map(Field::name).into_iter().chain([QACC]));
-            return Err(Error::Input(format!("unknown input array {name}; {remedy}")));
-        };
-        let shape = array.shape();
-        let fits = |(own, before): &(&usize, &[usize])| **own == width && (1..=2).contains(&before.len());
-        let Some((_, before)) = shape.split_last().filter(fits) else {
-            return Err(Error::Input(format!(
-                "{name} has shape {shape:?}; expected [N, {width}] or [nworld, nstep, {width}]"
-            )));
-        };
-        match found {
-            Some((other, leading)) if leading != before => {
-                return Err(Error::Input(format!(
-                    "{name} has leading dimensions {before:?} and {other} has {leading:?}; give all arrays for the same states"
-                )));
-            }
-            _ => found = Some((name, before)),
-        }
-        Values::F64(&array.to_f64()).check_finite(name, shape)?;
-        if name == Field::EqActive.name()
-            && let Some(x) = array.to_f64().iter().find(|x| ![0.0, 1.0].contains(*x))
-        {
-            return Err(Error::Input(format!("array `{name}` holds {x}; expected 0 or 1")));
-        }
-    }
-    let required = [Field::Qpos.name(), Field::Qvel.name(), QACC];
-    if let Some(missing) = required.into_iter().find(|name| !inputs.contains_key(*name) && width(name) > Some(0)) {
-        return Err(Error::Input(format!("there is no array {missing}; give qpos, qvel and qacc")));
-    }
-    Ok(found.map_or(vec![1], |(_, leading)| leading.to_vec()))
 }

@@ -48,6 +48,7 @@
 
 mod batch;
 mod block;
+pub mod cloud;
 mod columns;
 pub mod compile;
 pub mod convex;
@@ -73,6 +74,7 @@ pub mod pool;
 pub mod rollout;
 pub mod rows;
 pub mod spec;
+mod states;
 pub mod status;
 mod store;
 mod subset;

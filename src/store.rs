@@ -238,7 +238,7 @@ impl<L: LaneQuery> Store<L> {
 }
 
 /// Copies one lane of every entry.
-fn copy<L: LaneQuery>(source: &[L], from: usize, target: &mut [L], to: usize) {
+pub(crate) fn copy<L: LaneQuery>(source: &[L], from: usize, target: &mut [L], to: usize) {
     source.iter().zip(target).for_each(|(source, target)| target.set(to, source.get(from)));
 }
 

@@ -12,7 +12,7 @@ use crate::model::{Instance, Model, Varied};
 use crate::part::{Executor, Kernels, Op, Part, Step};
 use crate::sensor;
 use crate::smooth::Findings;
-pub use crate::stage::{Stage, StageClock, Stages};
+pub use crate::stage::{Stage, StageClock, Stages, Start};
 use crate::state::{Applied, BlockStatus, State, Status};
 use crate::workspace::{Double, Workspace};
 
@@ -47,7 +47,8 @@ pub struct Solved {
     pub unfinished: u32,
 }
 
-/// The stages that are wanted, from the block's state, for the lanes that are alive. The state stays as it is.
+/// The stages that are wanted, from the block's state, for the lanes that are alive. The state stays as it is. What stages would do
+/// that are not wanted is as it was left (see [`Start`]).
 pub fn forward<L: LaneQuery>(
     model: &Model<L::Real>,
     state: &mut State<L>,
@@ -183,7 +184,8 @@ fn release<L: LaneQuery>(step: &mut Step<'_, L>) {
 
 /// The stages that do without constraints; without an executor where not all of them are wanted.
 fn smooth<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>) -> Findings<u32> {
-    let part = Part::of(Op::Smooth, u32::from(run.applied.is_some()) | u32::from(run.keep) << 1);
+    let start = Start::of(step.stages) as u32;
+    let part = Part::of(Op::Smooth, u32::from(run.applied.is_some()) | u32::from(run.keep) << 1 | start << 2);
     let mut found = [0; 5];
     if step.runs(Stage::Acceleration) {
         run.executor.run(part, 0, &mut found, step);

@@ -11,7 +11,7 @@ use crate::model::{Instance, Model};
 use crate::options;
 use crate::passive::Passive;
 use crate::position::Position;
-use crate::stage::Stage;
+use crate::stage::{Stage, Start};
 use crate::state::{Applied, State};
 use crate::tendon::Tendons;
 use crate::velocity::Velocity;
@@ -81,8 +81,10 @@ pub fn smooth<L: Lane>(
     let Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders } =
         stages;
     let mut findings = Findings::from([L::Mask::splat(false); 5]);
-    position::kinematics(model, state.into(), position);
-    end(Stage::Position);
+    if runs(Stage::Position) {
+        position::kinematics(model, state.into(), position);
+        end(Stage::Position);
+    }
     if runs(Stage::Tendon) {
         tendon::tendons(&model, position, &state.qpos, &state.qvel, tendons);
         end(Stage::Tendon);
@@ -125,8 +127,13 @@ pub fn smooth<L: Lane>(
         if discrete {
             acceleration.qfrc_smooth.iter_mut().zip(&derivative.pull).for_each(|(force, pull)| *force -= *pull);
         }
-        findings.singular =
-            acceleration::smooth_acceleration(model, (position, tendons, inertia), metric, acceleration);
+        let stages = (&*position, &*tendons, &*inertia);
+        // Where the inertia was left as it was, so was its factor.
+        if runs(Stage::Inertia) || discrete || model.features.articulated {
+            findings.singular = acceleration::smooth_acceleration(model, stages, metric, acceleration);
+        } else {
+            acceleration::solve_smooth(model, stages, true, acceleration);
+        }
         if runs(Stage::Solver) {
             findings.wild = acceleration::wild(&acceleration.qacc_smooth);
         }
@@ -135,8 +142,28 @@ pub fn smooth<L: Lane>(
     findings
 }
 
-/// Fields that it leaves for others: all, or those that later parts of a step read.
-pub fn changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
+/// Fields that it leaves for others if it starts at `start`: all, or those that later parts of a step read.
+pub fn changes<T>(model: &Model<T>, keep: bool, start: Start) -> Vec<&'static str> {
+    let mut all = all_changes(model, keep);
+    let kept = |name: &str| {
+        // An inverse without a factor is scratch, and discrete steps have another factor at every velocity.
+        let factor = matches!(name, "acceleration.factor" | "acceleration.inverse");
+        let solved = factor && !model.features.articulated && model.options.integrator != options::Integrator::Discrete;
+        let stage = Stage::ALL.iter().find(|(_, stage)| name.split('.').next() == Some(*stage));
+        solved || stage.is_some_and(|(stage, _)| !start.runs(*stage, model))
+    };
+    if start != Start::Position {
+        if keep {
+            all.retain(|name| *name != "acceleration");
+            all.extend(["acceleration.qfrc_smooth", "acceleration.qacc_smooth"]);
+            all.extend(["acceleration.factor", "acceleration.inverse"]);
+        }
+        all.retain(|name| !kept(name));
+    }
+    all
+}
+
+fn all_changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
     // Actuators on bodies take up again what is found here.
     let mut all = match keep || model.features.adhesion {
         true => vec!["position", "tendon", "inertia", "velocity", "passive", "actuation", "acceleration", "derivative"],

@@ -134,6 +134,51 @@ impl Stages {
     }
 }
 
+/// Where an evaluation starts. What is before it was left by an earlier one, of the same worlds in states that differ only in what comes after.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// At positions.
+    Position,
+    /// At velocities.
+    Velocity,
+    /// At activations and controls.
+    Actuation,
+}
+
+impl Start {
+    /// All, in order.
+    pub const ALL: [Start; 3] = [Start::Position, Start::Velocity, Start::Actuation];
+
+    /// That of an evaluation of these stages.
+    pub fn of(stages: Stages) -> Start {
+        match (stages.has(Stage::Position), stages.has(Stage::Velocity)) {
+            (true, _) => Start::Position,
+            (_, true) => Start::Velocity,
+            _ => Start::Actuation,
+        }
+    }
+
+    /// Whether a stage comes after it.
+    pub fn runs<T>(self, stage: Stage, model: &Model<T>) -> bool {
+        let moves = matches!(stage, Stage::Position | Stage::Inertia | Stage::Collision);
+        let drives = matches!(stage, Stage::Tendon | Stage::Velocity | Stage::Passive | Stage::Energy);
+        // The rows of discrete steps know how strongly actuators resist.
+        let rows = stage == Stage::Constraint && model.options.integrator != Integrator::Discrete;
+        match self {
+            Start::Position => true,
+            Start::Velocity => !moves,
+            Start::Actuation => !moves && !drives && !rows,
+        }
+    }
+
+    /// Those of the stages that come after it. Where actuators act by contacts there are none that could be left out.
+    pub fn within<T>(self, stages: Stages, model: &Model<T>) -> Stages {
+        let from = if model.features.adhesion { Start::Position } else { self };
+        let all = Stage::ALL.iter().filter(|(stage, _)| stages.has(*stage) && from.runs(*stage, model));
+        Stages(all.fold(0, |bits, (stage, _)| bits | 1 << *stage as u16))
+    }
+}
+
 impl BitOr for Stages {
     type Output = Stages;
     fn bitor(self, other: Stages) -> Stages {
@@ -172,6 +217,21 @@ impl StageClock {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn starts_are_told_by_their_stages() {
+        let mut model = Model::<f64>::default();
+        for integrator in [Integrator::Euler, Integrator::Discrete] {
+            model.options.integrator = integrator;
+            for start in Start::ALL {
+                let stages = start.within(Stages::STEP, &model);
+                assert_eq!(Start::of(stages), start);
+                assert!(stages.has(Stage::Solver) && stages.has(Stage::Acceleration));
+                let rows = start != Start::Actuation || integrator == Integrator::Discrete;
+                assert_eq!(stages.has(Stage::Constraint), rows);
+            }
+        }
+    }
 
     #[test]
     fn a_stage_reads_earlier_ones_only() {

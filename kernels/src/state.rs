@@ -139,6 +139,12 @@ impl BlockStatus {
         }
     }
 
+    /// The lanes in which all of `status` happened.
+    pub fn lanes(&self, status: Status) -> u32 {
+        let events = self.events.iter().zip(Status::NAMES).filter(|(_, (bit, _))| status.contains(*bit));
+        events.fold(u32::MAX, |lanes, (event, _)| lanes & event)
+    }
+
     /// The status of one lane.
     pub fn lane(&self, lane: usize) -> Status {
         let mut status = Status::default();

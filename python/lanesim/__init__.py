@@ -10,13 +10,15 @@
 
 `Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model:
 ``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
-`rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion. `OUTPUTS` describes every quantity that ``Worlds.get`` and
+`rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion, `transition` the derivatives
+of steps, `acceleration_derivatives` and `inverse_derivatives` those of either. `OUTPUTS` describes every quantity that ``Worlds.get`` and
 ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector
 environment.
 """
 
 from . import _lanesim
 from ._lanesim import __version__
+from .derivatives import Transition, acceleration_derivatives, inverse_derivatives, transition
 from .errors import (
     Diagnostic,
     DivergedError,
@@ -61,12 +63,16 @@ __all__ = [
     "Spec",
     "Status",
     "StatusEvent",
+    "Transition",
     "UnknownNameError",
     "UnsupportedError",
     "WorldMemoryError",
     "Worlds",
     "__version__",
+    "acceleration_derivatives",
     "inverse",
+    "inverse_derivatives",
     "rollout",
     "shutdown_persistent_pool",
+    "transition",
 ]

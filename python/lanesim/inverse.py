@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays, _lanesim
-from .errors import InputError
+from ._states import States
 from .model import Model, check_model
-from .worlds import Worlds
 
 __all__ = ["inverse"]
-
-_MOST = 1 << 14
-"""Worlds that are inverted at once."""
 
 
 def inverse(
@@ -65,38 +59,9 @@ def inverse(
     check_model(model)
     if discrete is not None and bool(discrete) != model.opt.flags["invdiscrete"]:
         model = model.replace(invdiscrete=bool(discrete))
-    given = {
-        "qpos": (qpos, "nq"),
-        "qvel": (qvel, "nv"),
-        "act": (act, "na"),
-        "ctrl": (ctrl, "nu"),
-        "eq_active": (eq_active, "neq"),
-    }
-    accelerations = _arrays.numbers("qacc", qacc)
-    leading = accelerations.shape[:-1]
-    if accelerations.ndim == 0 or accelerations.shape[-1] != model.nv:
-        raise InputError(f"array `qacc` has shape {list(accelerations.shape)}; expected [..., nv={model.nv}]")
-    _lanesim.check_finite("qacc", accelerations)
-    rows = {}
-    for name, (values, size) in given.items():
-        if values is None:
-            continue
-        array = _arrays.numbers(name, values)
-        dims = [*(("", n) for n in leading), (size, getattr(model, size))]
-        if array.shape != tuple(n for _, n in dims):
-            raise InputError(f"array `{name}` has shape {list(array.shape)}; expected {_arrays.show(dims)}: qacc has as many rows")
-        _lanesim.check_finite(name, array)
-        rows[name] = array.reshape(math.prod(leading), -1) if array.size else array
-    count = math.prod(leading)
-    out = np.empty((count, model.nv), np.float32 if precision == "f32" else np.float64)
-    worlds: Worlds | None = None
-    for first in range(0, count, _MOST):
-        here = slice(first, min(first + _MOST, count))
-        number = here.stop - first
-        if worlds is None or worlds.nworld != number:
-            worlds = Worlds(model, number, precision, threads, backend=backend)
-        for name, values in rows.items():
-            if values.size:
-                worlds.set(name, values[here])
-        worlds.inverse(accelerations.reshape(count, model.nv)[here], out[here])
-    return out.reshape(*leading, model.nv)
+    others = {"qpos": qpos, "qvel": qvel, "act": act, "ctrl": ctrl, "eq_active": eq_active}
+    states = States(model, ("qacc", qacc, "nv"), others)
+    out = np.empty((states.count, model.nv), np.float32 if precision == "f32" else np.float64)
+    for worlds, here in states.worlds(threads, precision, backend):
+        worlds.inverse(states.rows["qacc"][here], out[here])
+    return out.reshape(*states.leading, model.nv)

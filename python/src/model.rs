@@ -5,14 +5,17 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use lanesim::Diagnostics;
+use lanesim::cloud::{self, Target};
 use lanesim::mjcf::{self, Asset, Document, Include, LoadOptions};
 use lanesim::model::{ArrayData, Names};
+use lanesim::rows::{Strided, Values};
 use lanesim::spec::Spec;
 use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 
-use crate::failure::{self, rejected};
+use crate::arrays::Numbers;
+use crate::failure::{self, raise, rejected};
 use crate::home::Home;
 use crate::watch::abandonable;
 
@@ -151,6 +154,36 @@ impl Model {
         mjcf::override_options(&mut spec, &overrides).map_err(|e| rejected(py, &e))?;
         let overrides = mjcf::replace_overrides(&self.overrides, &overrides);
         Model::compile(py, self.source.clone(), spec, overrides)
+    }
+
+    /// The same model with options by which constraints are solved accurately.
+    fn accurate(&self, py: Python<'_>) -> PyResult<Model> {
+        let options = cloud::accurate_options(&self.spec.option);
+        let numbers = [
+            ("solver", "Newton".to_owned()),
+            ("tolerance", options.tolerance.to_string()),
+            ("ls_tolerance", options.ls_tolerance.to_string()),
+            ("iterations", options.iterations.to_string()),
+            ("ls_iterations", options.ls_iterations.to_string()),
+        ];
+        self.with_options(py, numbers.map(|(name, value)| (name.to_owned(), value)).to_vec())
+    }
+
+    /// An exception if a quaternion in rows of positions is as good as zero.
+    fn check_quaternions(&self, py: Python<'_>, qpos: Numbers<'_>, shape: Vec<usize>) -> PyResult<()> {
+        let values = qpos.values()?;
+        py.detach(|| cloud::check_quaternions(&self.model, values, &shape)).map_err(|e| raise(py, e))
+    }
+
+    /// Arrays of derivatives of `of`, "transition", "acceleration" or "inverse": name, a world's dimensions, and whether it is of integers.
+    fn derivatives(&self, of: &str, sensors: bool) -> Vec<(&'static str, Vec<usize>, bool)> {
+        let none = Strided { values: Values::F64(&[]), offset: 0, stride: 0 };
+        let target = match of {
+            "acceleration" => Target::Acceleration,
+            "inverse" => Target::Inverse(none),
+            _ => Target::Transition,
+        };
+        target.arrays(&self.model, sensors)
     }
 
     #[getter]

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Instant;
 
+use lanesim::cloud::{self, Scheme, Solving};
 use lanesim::rows::{Rows, Strided};
 use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Plan, Precision, Reading, Rollout};
 use lanesim_kernels::state::Status;
@@ -115,6 +116,8 @@ struct State {
     stepping: Pace,
     /// Of reading what is derived, per world.
     reading: Pace,
+    /// Of clouds, per world.
+    clouds: Pace,
 }
 
 /// The batch while this thread has it.
@@ -165,7 +168,8 @@ impl Worlds {
         })?;
         let worlds = worlds.map_err(|e| raise(py, e))?;
         let worlds = AtHome::new(worlds);
-        let state = Mutex::new(State { worlds, stepping: Pace::default(), reading: Pace::default() });
+        let state =
+            Mutex::new(State { worlds, stepping: Pace::default(), reading: Pace::default(), clouds: Pace::default() });
         Ok(Worlds { state, user: Mutex::new(None), home: Home::here() })
     }
 
@@ -321,6 +325,44 @@ impl Worlds {
         result.map_err(|e| raise(py, e))
     }
 
+    /// Derivatives of steps, of accelerations (`of`: "acceleration"), or of inverse dynamics if there are accelerations `qacc`, [nworld, nv], written to
+    /// `targets`; `progress` is called with the number of worlds done.
+    #[pyo3(signature = (of, qacc, scheme, accurate, targets, progress))]
+    #[expect(clippy::too_many_arguments, reason = "as many as the Python side has to say")]
+    fn derivatives(
+        &self,
+        py: Python<'_>,
+        of: &str,
+        qacc: Option<Numbers<'_>>,
+        scheme: (Option<f64>, bool, bool),
+        accurate: bool,
+        mut targets: Vec<Target<'_>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let rows = targets.iter_mut().map(Target::rows).collect::<PyResult<Vec<_>>>()?;
+        let mut held = self.acquire(py)?;
+        let State { worlds, clouds: pace, .. } = &mut *held.state;
+        let (eps, centred, sensors) = scheme;
+        let eps = eps.unwrap_or_else(|| Scheme::eps(worlds.options().precision, centred));
+        let scheme = Scheme { eps, centred, sensors };
+        let solving = if accurate { Solving::Accurate } else { Solving::FixedWork };
+        let stride = worlds.model().tables().sizes.nv;
+        let of = match &qacc {
+            Some(qacc) => cloud::Target::Inverse(Strided { values: qacc.values()?, offset: 0, stride }),
+            None if of == "acceleration" => cloud::Target::Acceleration,
+            None => cloud::Target::Transition,
+        };
+        let (cancel, done, amount) = (AtomicBool::new(false), AtomicU64::new(0), worlds.nworld() as f64);
+        let start = Instant::now();
+        let short = pace.is_short(amount);
+        let work = || worlds.derivatives_into(&of, &scheme, solving, rows, (Some(&done), Some(&cancel)));
+        let result =
+            if short { py.detach(work) } else { watched(py, &cancel, |py| follow(py, &progress, &done), work)? };
+        result.map_err(|e| raise(py, e))?;
+        pace.learn(start.elapsed().as_secs_f64(), amount);
+        Ok(())
+    }
+
     /// Takes all worlds through `nstep` steps, or those whose numbers are `ids`. `controls`: the array and its strides from
     /// world to world and from step to step. `progress` is called with the number of world steps done.
     #[pyo3(signature = (nstep, controls, names, targets, progress, ids))]
@@ -412,11 +454,7 @@ impl Worlds {
         let result = if pace.is_short(amount) {
             py.detach(work)
         } else {
-            let poll = |py: Python<'_>| match &progress {
-                Some(callback) => callback.call1(py, (done.load(Ordering::Relaxed),)).map(drop),
-                None => Ok(()),
-            };
-            watched(py, &cancel, poll, work)?
+            watched(py, &cancel, |py| follow(py, &progress, &done), work)?
         };
         result.map_err(|e| raise(py, e))?;
         // Frozen worlds are passed over: nothing can be learnt from them.
@@ -424,6 +462,14 @@ impl Worlds {
             pace.learn(start.elapsed().as_secs_f64(), amount);
         }
         Ok(())
+    }
+}
+
+/// Says how much is done to whoever wants to know.
+fn follow(py: Python<'_>, progress: &Option<Py<PyAny>>, done: &AtomicU64) -> PyResult<()> {
+    match progress {
+        Some(callback) => callback.call1(py, (done.load(Ordering::Relaxed),)).map(drop),
+        None => Ok(()),
     }
 }
 

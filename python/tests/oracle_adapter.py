@@ -89,5 +89,11 @@ class Adapter:
         return self.worlds(model, state).inverse(np.asarray(qacc)[None])[0]
 
     def fd(self, model, state, eps, integrator):
-        """Not built yet."""
-        raise NotImplementedError
+        """Derivatives of a step by state and controls."""
+        if integrator:
+            model = model.replace(integrator=integrator)
+        given = {name: np.asarray(state[name]) for name in INPUTS if name in state and np.size(state[name])}
+        given.pop("time", None)
+        given.setdefault("qvel", np.zeros(model.nv))
+        found = lanesim.transition(model, **given, eps=eps, precision=PRECISION, threads=1)
+        return found.A, found.B

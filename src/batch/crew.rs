@@ -14,6 +14,7 @@ use lanesim_kernels::state::{Applied, BlockStatus, Status};
 use lanesim_kernels::step;
 use lanesim_kernels::workspace::Workspace;
 
+use super::cloud::Cloud;
 use crate::block::Block;
 use crate::convex::SupportCollider;
 use crate::error::Error;
@@ -71,6 +72,8 @@ pub(super) struct Worker<L: LaneQuery> {
     pub(super) buffers: Buffers,
     /// From when it is first asked for.
     pub(super) inverse: Option<Inverse<L>>,
+    /// Likewise.
+    pub(super) cloud: Option<Box<Cloud<L>>>,
 }
 
 /// What acts on a block from outside: forces, and numbers of the model that vary.
@@ -103,6 +106,7 @@ impl<L: LaneQuery> Worker<L> {
             clock: StageClock::default(),
             buffers: Buffers::default(),
             inverse: None,
+            cloud: None,
         }
     }
 }

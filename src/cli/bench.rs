@@ -73,7 +73,7 @@ impl Bench {
             noise: self.noise,
             seed: self.seed,
         };
-        let progress = Progress::new("bench", plan.total(), self.json);
+        let progress = Progress::new("bench", "steps", plan.total(), self.json);
         let measured = plan.measure(progress.counter());
         progress.finish();
         let record = self.record(&model, &measured?, seconds);

@@ -68,7 +68,7 @@ impl Check {
         if engine::size(&model, "nu") > 0 {
             runs.push(("noise", Controls::Noise { seed: self.seed, scale: self.noise }));
         }
-        let progress = Progress::new("checking", (runs.len() * self.steps) as u64, self.json);
+        let progress = Progress::new("checking", "steps", (runs.len() * self.steps) as u64, self.json);
         let step = |(name, controls)| self.step(&model, name, controls, progress.counter());
         let outcomes = runs.into_iter().map(step).collect::<Result<Vec<_>, _>>();
         progress.finish();

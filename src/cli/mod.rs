@@ -11,12 +11,14 @@ mod destination;
 mod engine;
 mod eval;
 mod failure;
+mod fd;
 mod info;
 mod inverse;
 mod measure;
 mod memory;
 mod output;
 mod rollout;
+mod states;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -34,6 +36,7 @@ Examples:
   lanesim rollout models/zoo/ant.xml --worlds 256 --steps 500 --noise --outputs qpos,qvel -o ant.npz
   lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --outputs qM,qacc
   lanesim inverse models/zoo/ant.xml --states motion.npz -o forces.npz
+  lanesim fd models/zoo/ant.xml --states motion.npz --centred -o derivatives.npz
   lanesim bench models/zoo/humanoid18.xml --worlds 4096 --steps 100 --precision f32
 
 Exit status: 0 success, 1 the model or an input was rejected, 2 the command line is wrong.";
@@ -60,6 +63,8 @@ enum Command {
     Eval(eval::Eval),
     /// Compute the forces for which given states have given accelerations
     Inverse(inverse::Inverse),
+    /// Compute the derivatives of steps by state and controls
+    Fd(fd::Fd),
 }
 
 /// Which model, and how it is read.
@@ -220,6 +225,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Bench(c) => c.run(),
         Command::Eval(c) => c.run(),
         Command::Inverse(c) => c.run(),
+        Command::Fd(c) => c.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

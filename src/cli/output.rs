@@ -82,7 +82,7 @@ pub fn notes(kind: &str, lines: &[String]) {
     }
 }
 
-/// A progress bar over steps of worlds, with rate and time to go; absent where nobody watches. Workers only add to a
+/// A progress bar over steps of worlds or the like, with rate and time to go; absent where nobody watches. Workers only add to a
 /// counter, a thread of its own draws.
 pub struct Progress {
     counter: Arc<AtomicU64>,
@@ -90,19 +90,19 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// A bar over `total` world steps, unless `quiet` or standard error is not a terminal.
-    pub fn new(what: &'static str, total: u64, quiet: bool) -> Progress {
+    /// A bar over `total` of `units`, unless `quiet` or standard error is not a terminal.
+    pub fn new(what: &'static str, units: &'static str, total: u64, quiet: bool) -> Progress {
         let counter = Arc::new(AtomicU64::new(0));
         let watched = !quiet && io::stderr().is_terminal();
         let drawing = watched.then(|| {
             let (done, count) = (Arc::new(AtomicBool::new(false)), counter.clone());
             let stop = done.clone();
-            (done, std::thread::spawn(move || draw(what, total, &count, &stop)))
+            (done, std::thread::spawn(move || draw((what, units), total, &count, &stop)))
         });
         Progress { counter, drawing }
     }
 
-    /// Where workers add finished world steps.
+    /// Where workers add what is finished.
     pub fn counter(&self) -> &AtomicU64 {
         &self.counter
     }
@@ -118,9 +118,9 @@ impl Progress {
     }
 }
 
-fn draw(what: &'static str, total: u64, count: &AtomicU64, stop: &AtomicBool) {
-    let style = ProgressStyle::with_template("{msg:>9} {bar:30} {human_pos}/{human_len} steps, {per_sec}, {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
+fn draw((what, units): (&'static str, &'static str), total: u64, count: &AtomicU64, stop: &AtomicBool) {
+    let template = format!("{{msg:>9}} {{bar:30}} {{human_pos}}/{{human_len}} {units}, {{per_sec}}, {{eta}} left");
+    let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
     let bar = ProgressBar::new(total).with_style(style).with_message(what);
     while !stop.load(Ordering::Relaxed) {
         bar.set_position(count.load(Ordering::Relaxed));

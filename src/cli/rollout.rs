@@ -81,7 +81,7 @@ impl Rollout {
         let controls = self.controls(&model)?;
         let mut worlds = self.run.worlds(&model, self.worlds, self.start.find(&model)?)?;
         self.start(&model, &mut worlds)?;
-        let progress = Progress::new("rollout", self.worlds as u64 * self.steps as u64, self.json);
+        let progress = Progress::new("rollout", "steps", self.worlds as u64 * self.steps as u64, self.json);
         let start = Instant::now();
         let result = worlds.rollout(&lanesim::Rollout {
             nstep: self.steps,

@@ -197,8 +197,14 @@ impl<T: Float> Common<T> {
         let (name, of) = (part.op.name(), part.of as usize);
         let row = match part.op.family() {
             Family::Options(_) => {
+                if part.op == Op::Smooth {
+                    let start = ["", " from velocities", " from controls"][of >> 2];
+                    return format!(
+                        "{name}{start}{}",
+                        ["", ", forces", ", all fields", ", forces, all fields"][of & 3]
+                    );
+                }
                 let options = match (part.op, of) {
-                    (Op::Smooth, of) => ["", ", forces", ", all fields", ", forces, all fields"][of],
                     (Op::Descend | Op::Polish, 1) => " filled",
                     (Op::Probe | Op::Conjugate, 1) => " first",
                     (Op::Sweep, of) => ["", " without slip", " of contacts alone"][of],

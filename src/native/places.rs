@@ -19,10 +19,12 @@ pub struct Places {
     count: usize,
     /// Numbers of the kinds that there are contacts of, and what moves.
     present: Vec<(usize, Sides)>,
-    /// Worlds in which the contacts act, list by list; of the second lists once there are any.
+    /// Worlds in which the contacts act, list by list.
     lanes: Vec<u32>,
     /// Where those of a list start, and their number.
     extents: Vec<(usize, usize)>,
+    /// The same of the second lists, once there are any.
+    acting: (Vec<u32>, Vec<(usize, usize)>),
     /// Worlds for which the second lists were made; `None`: they were not yet.
     open: Option<u32>,
     /// Of all contacts one list.
@@ -42,6 +44,7 @@ impl Places {
             present: Vec::with_capacity(kinds.len()),
             lanes: Vec::with_capacity(contacts),
             extents: Vec::with_capacity(kinds.len()),
+            acting: (Vec::with_capacity(contacts), Vec::with_capacity(kinds.len())),
             open: None,
             list: Windows::with_capacity(1, contacts),
             apart: false,
@@ -116,13 +119,22 @@ impl Places {
         }
     }
 
+    /// Begins a solve, which may be another one with the same contacts.
+    pub fn begin(&mut self) {
+        self.open = None;
+    }
+
     fn drop_closed(&mut self, open: u32) {
+        let (lanes, extents) = &mut self.acting;
         if self.open.replace(open).is_none() {
+            self.kinds.truncate(self.count);
             self.kinds.repeat();
+            lanes.clone_from(&self.lanes);
+            extents.clone_from(&self.extents);
         }
         for (kind, _) in &self.present {
-            let (first, len) = &mut self.extents[*kind];
-            let lanes = &mut self.lanes[*first..*first + *len];
+            let (first, len) = &mut extents[*kind];
+            let lanes = &mut lanes[*first..*first + *len];
             let mut kept = 0;
             self.kinds.retain(self.count + kind, |item| {
                 let keep = lanes[item] & open != 0;

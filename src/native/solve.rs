@@ -82,6 +82,7 @@ impl<'a, L: Block> Solve<'a, L> {
         } else {
             pattern((root, code), &mut lists.filled, (&constraint.contact_rows, joining), u32::MAX)?
         };
+        lists.places.begin();
         let parts = Solve::on(set, (root, code), (scratch, lists), step);
         Some(Solve { factor: whole, whole, cross, joining, ..parts })
     }

@@ -145,7 +145,8 @@ fn stepped<L: LaneQuery>(tables: &Tables<L::Real>, random: &mut Random) -> (Stat
     (state, ws)
 }
 
-/// A scene for a part: geometry as a step left it, all else at random, and not a number where the part's code does not look.
+/// A scene for a part: geometry as a step left it, and of smooth stages that begin later all that is before them, all else at random, and not
+/// a number where the part's code does not look.
 fn scene<L: Block>(
     code: &Arc<ModelCode<L::Float>>,
     part: Part,
@@ -170,9 +171,11 @@ fn scene<L: Block>(
         });
     });
     let nan = L::of(f64::NAN);
+    let later = part.op == Op::Smooth && part.of >> 2 != 0;
     scene.step(tables, false).lend_all(&mut |field, [stage, name], lanes| {
         let Lanes::Write(lanes) = lanes else { return };
         let kept = matches!(stage, "state" | "position" | "inertia" | "velocity")
+            || later && matches!(stage, "tendon" | "passive" | "acceleration")
             || matches!((stage, name), ("collision", "qpos") | ("solver", "metric"));
         if kept && lanes.len() == geometry[field].len() {
             lanes.copy_from_slice(&geometry[field]);

@@ -266,6 +266,39 @@ fn inverse_computes_forces() {
     fails(&["inverse", ANT, "--states", &states, "-o", &out], 1, "array `qacc` holds NaN at [1, 2, 13]");
 }
 
+#[test]
+fn fd_computes_derivatives() {
+    let folder = Folder::new("fd");
+    let out = folder.path("out.npz");
+    let write = |name: &str, qpos: f64, others: &[(&str, usize)]| {
+        let path = folder.path(name);
+        let array = |width: usize, x: f64| Array::new(vec![3, width], Data::F64(vec![x; 3 * width])).unwrap();
+        let state = [("qpos", array(15, qpos)), ("qvel", array(14, 0.1))];
+        let others = others.iter().map(|(name, width)| (*name, array(*width, 0.1)));
+        let arrays: Vec<_> = state.into_iter().chain(others).map(|(name, array)| (name.to_owned(), array)).collect();
+        npz::write(Path::new(&path), &arrays).unwrap();
+        path
+    };
+    let states = write("s.npz", 0.5, &[("ctrl", 8), ("time", 1)]);
+    succeeds(&["fd", ANT, "--states", &states, "--centred", "-o", &out]);
+    let found = npz::read(Path::new(&out)).unwrap();
+    assert_eq!((found["A"].shape(), found["B"].shape()), (&[3, 28, 28][..], &[3, 28, 8][..]));
+    assert_eq!((found["sides"].to_f64()[0], found["status"].shape(), found.contains_key("C")), (2.0, &[3][..], false));
+    succeeds(&["fd", ANT, "--states", &states, "--sensors", "--solving", "fixed-work", "-o", &out]);
+    assert!(npz::read(Path::new(&out)).unwrap().contains_key("C"));
+    let run = |more: &[&str], states: &str, code: i32, message: &str| {
+        fails(&[&["fd", ANT, "--states", states, "-o", &out][..], more].concat(), code, message);
+    };
+    run(&["--eps", "0"], &states, 2, "eps is 0; expected a number from 1e-12 to 1");
+    run(&["--eps=-1e-6"], &states, 2, "eps is -0.000001; expected a number from 1e-12 to 1");
+    run(&["--method", "complex"], &states, 2, "complex");
+    run(&["--precision", "f32", "--eps", "1e-7"], &states, 2, "in single precision");
+    run(&[], &write("z.npz", 0.0, &[]), 1, "array `qpos` holds a quaternion of length zero at [0, 3]");
+    run(&[], &write("n.npz", f64::NAN, &[]), 1, "array `qpos` holds NaN at [0, 0]");
+    run(&[], &write("u.npz", 0.5, &[("crtl", 8)]), 1, "array `crtl` is not known here; did you mean");
+    run(&[], &write("w.npz", 0.5, &[("ctrl", 7)]), 1, "array `ctrl` has shape [3, 7]; expected [N=3, 8]");
+}
+
 /// What an equality constraint cannot hold is refused before anything runs, with its line.
 #[test]
 fn bad_equality_constraints_are_named() {

@@ -69,6 +69,13 @@ impl<const N: usize> Windows<N> {
         }
     }
 
+    /// Drops all lists but the first ones, so many.
+    pub fn truncate(&mut self, lists: usize) {
+        self.lists.truncate(lists);
+        let end = self.lists.iter().map(|list| list.end).max().unwrap_or(0);
+        self.offsets.truncate(end);
+    }
+
     /// Drops the items of a list for which `keep` does not hold, by their place in it; the others move up.
     ///
     /// # Panics

@@ -88,10 +88,11 @@ fn body_forces<L: Lane>(model: &Model<L::Real>, position: &Position<L>, xfrc: &[
 /// `metric` is what discrete steps have in place of M.
 pub fn smooth_acceleration<L: Lane>(
     model: Instance<'_, L>,
-    (position, tendons, inertia): (&Position<L>, &Tendons<L>, &Inertia<L>),
+    stages: (&Position<L>, &Tendons<L>, &Inertia<L>),
     metric: Option<&[L]>,
     acceleration: &mut Acceleration<L>,
 ) -> L::Mask {
+    let (position, _, inertia) = stages;
     let Acceleration { qfrc_smooth, factor, inverse, multipliers, twist, body, column, qacc_smooth, .. } = acceleration;
     if model.features.articulated {
         qacc_smooth.copy_from_slice(qfrc_smooth);
@@ -100,12 +101,23 @@ pub fn smooth_acceleration<L: Lane>(
     }
     factor.copy_from_slice(metric.unwrap_or(&inertia.m));
     let singular = ldl::factor(&model.rows, &model.tree_pattern, factor, inverse, multipliers);
+    solve_smooth(model, stages, metric.is_none(), acceleration);
+    singular
+}
+
+/// Solves for the smooth acceleration with the factor at hand, that of M or of what discrete steps have in its place.
+pub fn solve_smooth<L: Lane>(
+    model: Instance<'_, L>,
+    stages: (&Position<L>, &Tendons<L>, &Inertia<L>),
+    of_inertia: bool,
+    acceleration: &mut Acceleration<L>,
+) {
+    let Acceleration { qfrc_smooth, factor, inverse, qacc_smooth, .. } = acceleration;
     qacc_smooth.copy_from_slice(qfrc_smooth);
     ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, qacc_smooth);
-    if L::Real::EPSILON > 1e-10 && metric.is_none() {
-        refine(model, (position, tendons, inertia), acceleration);
+    if L::Real::EPSILON > 1e-10 && of_inertia {
+        refine(model, stages, acceleration);
     }
-    singular
 }
 
 /// How much larger than the largest state a smooth acceleration may be: constraints may hold what would move so fast. Beyond, squares in

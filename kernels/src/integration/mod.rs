@@ -3,9 +3,11 @@
 
 mod implicit;
 mod rk4;
+mod tangent;
 
 pub use implicit::implicit;
 pub use rk4::{Rates, Rk4};
+pub use tangent::{difference, displace};
 
 use crate::acceleration::articulated;
 use crate::actuation;

@@ -49,8 +49,23 @@ pub fn inverse<L: LaneQuery>(
     status: &mut BlockStatus,
     (ws, inverse): (&mut Workspace<L>, &mut Inverse<L>),
 ) {
-    (run.stages, run.keep) = (stages(), true);
-    forward(model, state, run, status, ws);
+    run.stages = stages();
+    again(model, state, over_step, run, status, (ws, inverse));
+}
+
+/// The same of which the run says the stages: those that are not wanted, or all of them, are as an earlier evaluation left them.
+pub fn again<L: LaneQuery>(
+    model: &Model<L::Real>,
+    state: &mut State<L>,
+    over_step: bool,
+    run: &mut Run<'_, L>,
+    status: &mut BlockStatus,
+    (ws, inverse): (&mut Workspace<L>, &mut Inverse<L>),
+) {
+    run.keep = true;
+    if run.stages != Stages::NONE {
+        forward(model, state, run, status, ws);
+    }
     let instance = Instance { model, varied: run.varied };
     let Inverse { given, qacc, inertial, qfrc_inverse } = inverse;
     qacc.copy_from_slice(given);

@@ -20,7 +20,7 @@ use crate::lane::{Lane, LaneQuery};
 use crate::model::{Model, Quantities, Quantity};
 use crate::options::Integrator;
 use crate::solver::{Arrival, Problem, Solver, SolverWork, Tile, Trial, Whitened, Work, contact, noslip, pgs};
-use crate::stage::Stage;
+use crate::stage::{Stage, Start};
 use crate::workspace::Workspace;
 use crate::{collision, constraint, energy, integration, sensor, smooth, solver};
 
@@ -128,11 +128,13 @@ const WHOLE: Family = Family::Options(1);
 const FLAG: Family = Family::Options(2);
 
 parts! {
-    /// [`smooth::smooth`]: with forces from outside (1), and for whoever reads what the stages leave (2).
-    Smooth: "smooth", Acceleration, Family::Options(4), 0 => 5, shared [], changes [],
-        |_, step, _, (_, put)| {
+    /// [`smooth::smooth`]: with forces from outside (1), and for whoever reads what the stages leave (2); from positions, from velocities
+    /// (4), or from activations and controls on (8).
+    Smooth: "smooth", Acceleration, Family::Options(12), 0 => 5, shared [], changes [],
+        |part, step, _, (_, put)| {
             let Step { model, state, applied, ws, stages, clock } = step;
-            let runs = |stage: Stage| stages.run(stage, model.model);
+            let start = Start::ALL[part.of as usize >> 2];
+            let runs = |stage: Stage| start.runs(stage, model.model) && stages.run(stage, model.model);
             let mut end = |stage| clock.iter_mut().for_each(|clock| clock.end(stage));
             let found = smooth::smooth(*model, state, *applied, &runs, ws.smooth(), &mut end);
             <[_; 5]>::from(found).into_iter().for_each(put);
@@ -503,7 +505,7 @@ impl Part {
     /// Fields that it leaves for others: names, or all of a stage.
     pub fn changes<T>(self, model: &Model<T>) -> Vec<&'static str> {
         match self.op {
-            Op::Smooth => smooth::changes(model, self.of & 2 != 0),
+            Op::Smooth => smooth::changes(model, self.of & 2 != 0, Start::ALL[self.of as usize >> 2]),
             Op::Combine if self.of as usize + 1 < Rk4::<f64>::PARTS => {
                 self.op.changes().iter().copied().filter(|name| !name.starts_with("state.")).collect()
             }
