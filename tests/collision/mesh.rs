@@ -133,7 +133,8 @@ fn meshes_that_cannot_be_are_refused() {
         ("file=\"m.dae\"", "mesh=\"m\"", "2: mesh \"m\": file \"m.dae\": meshes of type \"dae\" are not supported"),
         ("", "mesh=\"m\"", "2: mesh \"m\": neither file nor vertex is given"),
         ("file=\"m.stl\" vertex=\"0 0 0\"", "mesh=\"m\"", "2: mesh \"m\": both file and vertex are given"),
-        ("builtin=\"sphere\"", "mesh=\"m\"", "2: mesh \"m\": meshes that are built in are not supported"),
+        ("builtin=\"sphere\"", "mesh=\"m\"", "attribute \"params\": a sphere has 1, and there are 0"),
+        ("builtin=\"plate\"", "mesh=\"m\"", "plate"),
         ("maxhullvert=\"3\" vertex=\"0 0 0\"", "mesh=\"m\"", "attribute \"maxhullvert\": 3 is too few"),
         (
             "scale=\"1 0 1\" vertex=\"0 0 0 1 0 0 0 1 0 0 0 1\"",
