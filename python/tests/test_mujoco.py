@@ -132,7 +132,7 @@ def test_changes_after_loading_count() -> None:
             "<tendon><fixed name='t' stiffness='1' springyield='1'><joint joint='j' coef='1'/></fixed></tendon>",
             'MjModel: fixed "t": .*springyield',
         ),
-        ("<option><flag ipc='enable'/></option>", "", "incremental potential contact"),
+        ("<option integrator='discrete'><flag ipc='enable'/></option>", "", "incremental potential contact"),
     ],
 )
 def test_what_is_not_supported_is_refused_with_the_reason(head, tail, reason) -> None:
