@@ -17,14 +17,21 @@ use crate::worlds::{Options, Worlds, check_fit};
 /// The accelerations.
 const QACC: &str = "qacc";
 /// Arrays that [`inverse`] reads: the state and the acceleration, and what of the former decides the force.
-const INPUTS: [Known; 6] = [
+pub(crate) const INPUTS: [Known; 8] = [
     Known::field(Field::Qpos, true),
     Known::field(Field::Qvel, true),
     Known::dofs(QACC),
     Known::field(Field::Act, false),
     Known::field(Field::Ctrl, false),
     Known::field(Field::EqActive, false),
+    Known::field(Field::MocapPos, false),
+    Known::field(Field::MocapQuat, false),
 ];
+
+/// Names of these arrays, and whether there must be one.
+pub fn inputs() -> impl Iterator<Item = (&'static str, bool)> {
+    INPUTS.iter().map(|known| (known.name, known.required))
+}
 
 /// An error if the model asks for what cannot be had.
 pub(crate) fn check_model(model: &Model) -> Result<(), Error> {
@@ -99,8 +106,8 @@ impl Worlds {
     }
 }
 
-/// Inverse dynamics of many states, such as those of whole trajectories: arrays `qpos`, `qvel` and `qacc`, and `act`, `ctrl` and `eq_active` if
-/// they are not as the model starts, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns `qfrc_inverse` with the same ones (see
+/// Inverse dynamics of many states, such as those of whole trajectories: arrays `qpos`, `qvel` and `qacc`, and those of `act`, `ctrl`, `eq_active`,
+/// `mocap_pos` and `mocap_quat` that are not as the model starts, all with the same leading dimensions, `[N, ...]` or `[nworld, nstep, ...]`. Returns `qfrc_inverse` with the same ones (see
 /// [`Worlds::inverse`]).
 ///
 /// # Errors

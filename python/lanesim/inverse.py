@@ -21,6 +21,8 @@ def inverse(
     *,
     act: ArrayLike | None = None,
     ctrl: ArrayLike | None = None,
+    mocap_pos: ArrayLike | None = None,
+    mocap_quat: ArrayLike | None = None,
     eq_active: ArrayLike | None = None,
     discrete: bool | None = None,
     threads: int | None = None,
@@ -40,6 +42,8 @@ def inverse(
         act: Activations, [..., na]; None: zero.
         ctrl: Controls, [..., nu]; None: zero. They have no force here; with `discrete` they decide what actuators gain with
             velocity.
+        mocap_pos: Positions of mocap bodies, [..., nmocap, 3]; None: as the model has them.
+        mocap_quat: Orientations of mocap bodies, [..., nmocap, 4]; None: as the model has them.
         eq_active: Which equality constraints are active, [..., neq], 1 or 0; None: as the model has it.
         discrete: Whether `qacc` is what qvel gains over a step, divided by the time step, so that a step with the force
             returned gives it back; otherwise it is the derivative of qvel. None: as the model's flag ``invdiscrete`` says. With the
@@ -59,7 +63,15 @@ def inverse(
     check_model(model)
     if discrete is not None and bool(discrete) != model.opt.flags["invdiscrete"]:
         model = model.replace(invdiscrete=bool(discrete))
-    others = {"qpos": qpos, "qvel": qvel, "act": act, "ctrl": ctrl, "eq_active": eq_active}
+    others = {
+        "qpos": qpos,
+        "qvel": qvel,
+        "act": act,
+        "ctrl": ctrl,
+        "mocap_pos": mocap_pos,
+        "mocap_quat": mocap_quat,
+        "eq_active": eq_active,
+    }
     states = States(model, ("qacc", qacc, "nv"), others)
     out = np.empty((states.count, model.nv), np.float32 if precision == "f32" else np.float64)
     for worlds, here in states.worlds(threads, precision, backend):

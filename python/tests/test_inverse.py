@@ -46,6 +46,22 @@ def test_one_state_many_and_trajectories_agree(ant):
     assert lanesim.inverse(ant, qpos[:0], qvel[:0], qacc[:0]).shape == (0, 20, ant.nv)
 
 
+def test_mocap_bodies_are_where_they_are_said_to_be():
+    mujoco = pytest.importorskip("mujoco")
+    path = str(MODELS / "unit" / "mocap.xml")
+    ours, model = lanesim.Model.from_xml_path(path), mujoco.MjModel.from_xml_path(path)
+    data, random = mujoco.MjData(model), np.random.default_rng(3)
+    pos = data.mocap_pos + random.uniform(-0.02, 0.02, data.mocap_pos.shape)
+    quat = data.mocap_quat + random.uniform(-0.02, 0.02, data.mocap_quat.shape)
+    qvel, qacc = random.normal(size=(2, model.nv))
+    data.mocap_pos, data.mocap_quat, data.qvel, data.qacc = pos, quat, qvel, qacc
+    mujoco.mj_inverse(model, data)
+    found = lanesim.inverse(ours, data.qpos, qvel, qacc, mocap_pos=pos, mocap_quat=quat)
+    scale = np.abs(data.qfrc_inverse).max()
+    np.testing.assert_allclose(found, data.qfrc_inverse, rtol=0, atol=1e-8 * scale)
+    assert np.abs(lanesim.inverse(ours, data.qpos, qvel, qacc) - found).max() > 1e-3 * scale
+
+
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit"])
 def test_a_step_with_the_force_gives_the_acceleration_back(ant, integrator):
     model = ant.replace(integrator=integrator, tolerance=1e-14, iterations=200)

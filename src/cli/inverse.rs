@@ -13,9 +13,9 @@ Examples:
   lanesim inverse arm.xml --states motion.npz -o forces.npz
   lanesim inverse arm.xml --states motion.npz -o forces.npz --option integrator=implicitfast --option invdiscrete=enable
 
-motion.npz holds qpos [N, nq], qvel [N, nv] and qacc [N, nv], and may hold time [N], act [N, na], ctrl [N, nu] and
-eq_active [N, neq]; or all of them with [nworld, nstep, ...] in place of [N, ...]. The result is `qfrc_inverse` [N, nv] or [nworld, nstep, nv]: the generalised force, N or N m, that
-must come from actuators and from outside. With the flag invdiscrete, qacc is what qvel gains over a step, divided by the time step.";
+motion.npz holds qpos [N, nq], qvel [N, nv] and qacc [N, nv], and may hold time [N], act [N, na], ctrl [N, nu], eq_active [N, neq],
+mocap_pos [N, nmocap, 3] and mocap_quat [N, nmocap, 4]; or all of them with [nworld, nstep, ...] in place of [N, ...]. The result
+is `qfrc_inverse` [N, nv] or [nworld, nstep, nv]: the generalised force, N or N m, that must come from actuators and from outside. With the flag invdiscrete, qacc is what qvel gains over a step, divided by the time step.";
 
 /// Arguments of `inverse`.
 #[derive(Args)]
@@ -31,17 +31,14 @@ pub struct Inverse {
     output: Destination,
 }
 
-/// Names of the arrays, and whether there must be one.
-const ARRAYS: [(&str, bool); 6] =
-    [("qpos", true), ("qvel", true), ("qacc", true), ("act", false), ("ctrl", false), ("eq_active", false)];
-
 impl Inverse {
     /// Checks everything, then computes, then writes.
     pub fn run(self) -> Result<(), Failure> {
         self.output.check([&self.model.model, &self.states.states])?;
         let Loaded { model, .. } = engine::load(&self.model)?;
         output::losses(&model);
-        let (count, inputs) = self.states.read(&model, &ARRAYS)?;
+        let known: Vec<_> = lanesim::inverse::inputs().collect();
+        let (count, inputs) = self.states.read(&model, &known)?;
         memory::check("the forces", &[count, size(&model, "nv"), size_of::<f64>()], self.run.max_memory)?;
         let forces = lanesim::inverse::inverse(&model, &inputs, &self.run.options(None))?;
         self.output.write(&[("qfrc_inverse".to_owned(), forces)])

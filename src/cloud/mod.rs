@@ -247,18 +247,6 @@ pub fn inputs() -> impl Iterator<Item = (&'static str, bool)> {
     INPUTS.iter().map(|known| (known.name, known.required))
 }
 
-/// Arrays that [`inverse`](fn@inverse) reads.
-const OF_INVERSE: [Known; 8] = [
-    Known::field(Field::Qpos, true),
-    Known::field(Field::Qvel, true),
-    Known::dofs("qacc"),
-    Known::field(Field::Act, false),
-    Known::field(Field::Ctrl, false),
-    Known::field(Field::EqActive, false),
-    Known::field(Field::MocapPos, false),
-    Known::field(Field::MocapQuat, false),
-];
-
 /// What a call is told beside the states: differences, the solver, how worlds work, and who counts the states that are done.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a> {
@@ -311,7 +299,7 @@ pub fn inverse(
     call: &Call<'_>,
 ) -> Result<Vec<(String, Array)>, Error> {
     let none = Strided { values: Values::F64(&[]), offset: 0, stride: 0 };
-    many(model, (inputs, &OF_INVERSE), &Target::Inverse(none), call)
+    many(model, (inputs, &inverse::INPUTS), &Target::Inverse(none), call)
 }
 
 fn many(
