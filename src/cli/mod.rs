@@ -3,6 +3,7 @@
 //! Every command reads its model and its arrays completely, and checks them, before anything runs. Results go to standard
 //! output, everything else to standard error.
 
+mod accuracy;
 mod arrays;
 mod bench;
 mod check;
@@ -19,6 +20,7 @@ mod memory;
 mod output;
 mod rollout;
 mod states;
+mod stress;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -59,6 +61,10 @@ enum Command {
     Rollout(rollout::Rollout),
     /// Measure speed, and the error that comes with it
     Bench(bench::Bench),
+    /// Measure error against run time over scenarios, beside MuJoCo
+    Accuracy(accuracy::Accuracy),
+    /// Count the worlds that are lost, by time step, severity and integrator
+    Stress(stress::Stress),
     /// Compute named quantities at given states
     Eval(eval::Eval),
     /// Compute the forces for which given states have given accelerations
@@ -223,6 +229,8 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Check(c) => c.run(),
         Command::Rollout(c) => c.run(),
         Command::Bench(c) => c.run(),
+        Command::Accuracy(c) => c.run(),
+        Command::Stress(c) => c.run(),
         Command::Eval(c) => c.run(),
         Command::Inverse(c) => c.run(),
         Command::Fd(c) => c.run(),

@@ -1,5 +1,6 @@
 //! The command line as users meet it: files, exit statuses, messages.
 
+mod accuracy;
 mod files;
 mod names;
 
