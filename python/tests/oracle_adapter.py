@@ -89,11 +89,11 @@ class Adapter:
         return self.worlds(model, state).inverse(np.asarray(qacc)[None])[0]
 
     def fd(self, model, state, eps, integrator):
-        """Derivatives of a step by state and controls."""
+        """Derivatives of a step by state and controls: in double precision, which differences of 1e-6 need."""
         if integrator:
             model = model.replace(integrator=integrator)
         given = {name: np.asarray(state[name]) for name in INPUTS if name in state and np.size(state[name])}
         given.pop("time", None)
         given.setdefault("qvel", np.zeros(model.nv))
-        found = lanesim.transition(model, **given, eps=eps, precision=PRECISION, threads=1)
+        found = lanesim.transition(model, **given, eps=eps, threads=1)
         return found.A, found.B
