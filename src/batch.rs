@@ -305,6 +305,10 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
     }
 
     fn put(&mut self, quantity: Quantity, world: usize, values: &[f64]) {
+        let sizes = &self.crew.tables.sizes;
+        if sizes.nguard > 0 {
+            self.store.set(Field::TreeGuard, sizes, world, &vec![0.0; 15 * sizes.nguard]);
+        }
         self.store.put(quantity, world, values);
     }
 

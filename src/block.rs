@@ -79,8 +79,12 @@ impl<L: LaneQuery> Block<L> {
         rows.row(world, entries.len(), |i, x| entries[i].set(lane, L::Real::from_f64(x)));
     }
 
-    /// Wakes the trees of a lane whose positions are set.
+    /// Wakes the trees of a lane whose positions are set, and closes the guard's books where these or velocities are.
     fn wake(&mut self, field: Field, lane: usize) {
+        if matches!(field, Field::Qpos | Field::Qvel) {
+            let books = self.state.tree_guard.as_flattened_mut();
+            books.iter_mut().for_each(|x| x.set(lane, L::Real::from_f64(0.0)));
+        }
         if field == Field::Qpos {
             self.state.tree_rest.iter_mut().for_each(|rest| rest.set(lane, L::Real::from_f64(0.0)));
         }

@@ -30,6 +30,8 @@ pub enum Field {
     MocapQuat,
     /// For how long each tree has rested: `nsleep`, which is 0 without the flag `sleep`.
     TreeRest,
+    /// What the guard has booked of each tree: `nguard` × 15, none without the option `guard`.
+    TreeGuard,
     /// Generalised forces from outside: `nv`.
     QfrcApplied,
     /// Forces and torques on bodies from outside: `nbody` × (force, torque), world axes, at the centre of mass.
@@ -63,6 +65,7 @@ impl Field {
         Field::MocapPos,
         Field::MocapQuat,
         Field::TreeRest,
+        Field::TreeGuard,
         Field::QfrcApplied,
         Field::XfrcApplied,
     ];
@@ -149,7 +152,7 @@ impl Key {
             Field::MocapPos => Some(&self.mpos),
             Field::MocapQuat => Some(&self.mquat),
             Field::TreeRest => Some(&self.tree_rest),
-            Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
+            Field::TreeGuard | Field::QaccWarmstart | Field::QfrcApplied | Field::XfrcApplied => None,
         }
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn check_model(model: &Model) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::Options(format!(
-        "flag invdiscrete: inverse dynamics of a step do not go with integrator {}, which evaluates several states (set \
+        "flag invdiscrete: inverse dynamics of a step do not go with integrator {}, which evaluates other states (set \
          integrator=\"implicitfast\", or leave out invdiscrete)",
         options.integrator
     )))

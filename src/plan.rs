@@ -167,6 +167,12 @@ impl Plan {
             Stage::Integration => vec![
                 part(name, true, tables.options.integrator.to_string(), ""),
                 part(
+                    "  guard",
+                    sizes.nguard > 0,
+                    format!("of {} trees", sizes.nguard),
+                    "it was not asked for, or no tree needs it",
+                ),
+                part(
                     "  implicit damping",
                     features.implicit_damping,
                     if features.articulated { "articulated bodies of its own" } else { "a factor of its own" }.into(),

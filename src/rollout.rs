@@ -157,6 +157,8 @@ pub struct Statistics {
     pub residuals: f64,
     /// Largest residual of a world in a step.
     pub largest_residual: f64,
+    /// World steps in which the guard acted on some tree.
+    pub guarded: f64,
 }
 
 impl Statistics {
@@ -177,6 +179,7 @@ impl Statistics {
         self.most_iterations = self.most_iterations.max(other.most_iterations);
         self.residuals += other.residuals;
         self.largest_residual = self.largest_residual.max(other.largest_residual);
+        self.guarded += other.guarded;
     }
 
     /// Adds the counts of a step of the worlds whose bits are set in `alive`.
@@ -194,6 +197,9 @@ impl Statistics {
         }
         for row in &workspace.constraint.contact_rows {
             self.rows += f64::from(row.rows()) * count(workspace.constraint.law(row).d().gt(L::zero()));
+        }
+        if let Some(kick) = &workspace.kick {
+            self.guarded += f64::from((kick.acted() & alive).count_ones());
         }
         let solver = &workspace.solver.statistics;
         self.block_iterations += f64::from(solver.block_niter);

@@ -125,6 +125,10 @@ impl<L: LaneQuery> Store<L> {
             // Trees are awake where they are put.
             self.set(Field::TreeRest, sizes, world, &vec![0.0; sizes.nsleep]);
         }
+        if matches!(field, Field::Qpos | Field::Qvel) && sizes.nguard > 0 {
+            // The guard's books are of how the world moved by itself.
+            self.set(Field::TreeGuard, sizes, world, &vec![0.0; 15 * sizes.nguard]);
+        }
         let entries = match field.home() {
             Home::State(number) => {
                 let range = self.entries(number, sizes, block);

@@ -32,6 +32,18 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
     add(medium, "option", "integrator", what, "set integrator=\"implicitfast\"", instead, |o| {
         o.integrator = Integrator::Euler;
     });
+    let what = "the guard under integrator RK4 is".to_string();
+    add(
+        o.guard && o.integrator == Integrator::Rk4,
+        "option",
+        "guard",
+        what,
+        "set integrator=\"midpoint\"",
+        left_out,
+        |o| {
+            o.guard = false;
+        },
+    );
     let f = &o.flags;
     let flag = |name: &str, what: &str| format!("{name}: {what}");
     let exact = flag("diagexact", "the exact diagonal of the constraint space is");

@@ -246,7 +246,7 @@ fn every_solver_and_cone() {
 #[test]
 fn every_integrator() {
     let ids: Vec<usize> = (0..DIFFERENT).collect();
-    for integrator in ["RK4", "implicitfast", "implicit", "discrete"] {
+    for integrator in ["RK4", "implicitfast", "implicit", "discrete", "midpoint"] {
         let actuators = ["unit/actuator_refsite", "unit/actuator_slidercrank", "unit/activation", "unit/muscle"];
         for name in ["zoo/humanoid27", "zoo/chain31", "zoo/box_stack", "unit/rk4"].into_iter().chain(actuators) {
             let model = load_with(name, &[("integrator", integrator)]);

@@ -280,7 +280,7 @@ fn steps_of_runge_kutta_are_not_inverted() {
     let mut worlds = Worlds::new(&model, 1, &Options::default()).expect("a batch");
     fails(
         worlds.inverse(&[0.0; 2]),
-        "flag invdiscrete: inverse dynamics of a step do not go with integrator RK4, which evaluates several states (set \
+        "flag invdiscrete: inverse dynamics of a step do not go with integrator RK4, which evaluates other states (set \
          integrator=\"implicitfast\", or leave out invdiscrete)",
     );
     let continuous = load_with("zoo/cartpole", &[("integrator", "RK4")]);

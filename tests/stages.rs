@@ -92,15 +92,15 @@ fn each_field<L: LaneQuery>(ws: &mut Workspace<L>, f: &mut dyn FnMut(&'static st
     ws.integration.for_each(&mut |field| f("integration", field));
     ws.energy.for_each(&mut |field| f("energy", field));
     if let Some(rk4) = &mut ws.rk4 {
-        rk4.stage.for_each(&mut |field| f("rk4", field));
-        rk4.rates.for_each(&mut |field| f("rk4", field));
+        rk4.stage.for_each(&mut |field| f("between", field));
+        rk4.rates.for_each(&mut |field| f("rates", field));
     }
 }
 
 /// Whether a stage writes a field of this model at every step. The solver's fields but these two are its scratch.
 fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
     // Scratch.
-    if stage == "rk4" || !present(model, stage) {
+    if ["between", "rates"].contains(&stage) || !present(model, stage) {
         return false;
     }
     match (stage, field) {
@@ -131,7 +131,7 @@ fn promised<T: Real>(model: &Tables<T>, stage: &str, field: &str) -> bool {
 
 /// Whether the model has anything for a stage to do.
 fn present<T: Real>(model: &Tables<T>, stage: &str) -> bool {
-    if stage == "rk4" {
+    if ["between", "rates"].contains(&stage) {
         return model.options.integrator == Integrator::Rk4;
     }
     let found = Stage::ALL.iter().find(|(_, name)| *name == stage);

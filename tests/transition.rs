@@ -13,7 +13,7 @@ use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worl
 use lanesim_kernels::integration::{difference, displace};
 use support::{fails, load, load_with, options};
 
-const INTEGRATORS: [&str; 5] = ["Euler", "implicitfast", "implicit", "RK4", "discrete"];
+const INTEGRATORS: [&str; 6] = ["Euler", "implicitfast", "implicit", "RK4", "discrete", "midpoint"];
 /// Models that touch the floor and have a free joint, activations, tendons, equality constraints, sensors.
 const MODELS: [&str; 6] =
     ["zoo/ant", "zoo/hopper", "unit/muscle", "unit/tendon_forces", "zoo/four_bar", "unit/activation"];
@@ -67,7 +67,7 @@ fn bits_do_not_depend_on_what_is_beside() {
     const NWORLD: usize = 11;
     for name in MODELS {
         for integrator in INTEGRATORS {
-            if integrator == "discrete" && support::NOT_DISCRETE.contains(&name) {
+            if ["discrete", "midpoint"].contains(&integrator) && support::NOT_DISCRETE.contains(&name) {
                 continue;
             }
             let model = accurate(&load_with(name, &[("integrator", integrator)])).expect("a model");
@@ -103,7 +103,7 @@ fn step(worlds: &mut Worlds) -> [Vec<f64>; 4] {
 fn a_column_is_the_difference_of_two_steps() {
     for name in MODELS {
         for integrator in INTEGRATORS {
-            if integrator == "discrete" && support::NOT_DISCRETE.contains(&name) {
+            if ["discrete", "midpoint"].contains(&integrator) && support::NOT_DISCRETE.contains(&name) {
                 continue;
             }
             let model = accurate(&load_with(name, &[("integrator", integrator)])).expect("a model");

@@ -95,6 +95,7 @@ impl Double {
         widen(&state.ctrl, &mut own.ctrl);
         widen(&state.qacc_warmstart, &mut own.qacc_warmstart);
         widen(&state.eq_active, &mut own.eq_active);
+        widen(state.tree_guard.as_flattened(), own.tree_guard.as_flattened_mut());
         if let Some(applied) = given.applied {
             let own = self.applied.get_or_insert_with(|| Applied::new(sizes));
             widen(&applied.qfrc_applied, &mut own.qfrc_applied);

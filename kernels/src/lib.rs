@@ -16,6 +16,7 @@ pub mod fields;
 pub mod inertia;
 pub mod integration;
 pub mod inverse;
+pub mod kick;
 pub mod lane;
 pub mod math;
 pub mod model;

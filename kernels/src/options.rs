@@ -13,6 +13,15 @@ pub enum Integrator {
     ImplicitFast,
     /// Discrete-time constraint formulation.
     Discrete,
+    /// Staggered midpoint: of order two, with one evaluation at the middle of the step.
+    Midpoint,
+}
+
+impl Integrator {
+    /// Whether a solver works in a metric of the step in place of the inertia matrix.
+    pub fn has_metric(self) -> bool {
+        matches!(self, Integrator::Discrete | Integrator::Midpoint)
+    }
 }
 
 impl std::fmt::Display for Integrator {
@@ -24,6 +33,7 @@ impl std::fmt::Display for Integrator {
             Integrator::Implicit => "implicit",
             Integrator::ImplicitFast => "implicitfast",
             Integrator::Discrete => "discrete",
+            Integrator::Midpoint => "midpoint",
         })
     }
 }
@@ -164,6 +174,8 @@ pub struct Options {
     pub actuatorgroupdisable: u32,
     /// Integrator.
     pub integrator: Integrator,
+    /// Whether inertial forces are kept from creating energy and momentum.
+    pub guard: bool,
     /// Friction cone.
     pub cone: Cone,
     /// Constraint solver.
@@ -212,6 +224,7 @@ impl Default for Options {
             o_friction: [1.0, 1.0, 0.005, 1e-4, 1e-4],
             actuatorgroupdisable: 0,
             integrator: Integrator::Euler,
+            guard: false,
             cone: Cone::Pyramidal,
             solver: Solver::Newton,
             flags: Flags::default(),

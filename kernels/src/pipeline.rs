@@ -9,7 +9,8 @@ use crate::double;
 use crate::drivers::{self, collision, solver};
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model, Varied};
-use crate::part::{Executor, Kernels, Op, Part, Step};
+use crate::options::Integrator;
+use crate::part::{Executor, KICKED, Kernels, Op, Part, Step};
 use crate::sensor;
 use crate::smooth::Findings;
 pub use crate::stage::{Stage, StageClock, Stages, Start};
@@ -130,7 +131,11 @@ fn in_double<L>(double: &mut Double, run: &Run<'_, L>, count: usize) -> u32 {
         clock: None,
         max_contacts: run.max_contacts,
         convex: run.convex,
-        stages: Stages::up_to(Stage::Solver),
+        // Of a step, its kick.
+        stages: match run.stages.has(Stage::Integration) {
+            true => Stages::up_to(Stage::Integration),
+            false => Stages::up_to(Stage::Solver),
+        },
         residual: true,
         executor: &mut Kernels,
         keep: run.keep,
@@ -159,12 +164,15 @@ fn adhere<L: LaneQuery>(step: &mut Step<'_, L>, mut findings: Findings<u32>) -> 
     findings
 }
 
-/// Of a discrete step, the rows where it ends.
+/// What the solver has in place of the inertia; of a discrete step, the rows where it ends.
 fn discretise<L: LaneQuery>(step: &mut Step<'_, L>) {
     let Workspace { position, tendons, velocity, inertia, derivative, collision, constraint, metric, .. } =
         &mut *step.ws;
     if let Some(metric) = metric {
         metric.m.copy_from_slice(&derivative.metric);
+        if step.model.options.integrator != Integrator::Discrete {
+            return;
+        }
         let motion = Motion { position, velocity, tendons, qvel: &step.state.qvel };
         let metric = Metric { inertia: &inertia.m, step: &derivative.metric };
         constraint::discretise(step.model, motion, metric, collision, constraint);
@@ -174,7 +182,7 @@ fn discretise<L: LaneQuery>(step: &mut Step<'_, L>) {
 /// Of a discrete step, what free bodies gain that nothing holds.
 fn release<L: LaneQuery>(step: &mut Step<'_, L>) {
     let (model, ws) = (step.model.model, &mut *step.ws);
-    if ws.metric.is_some() {
+    if model.options.integrator == Integrator::Discrete {
         let Workspace { derivative, constraint, acceleration, integration, solver, .. } = ws;
         let held = |dof: usize| constraint::held(model, constraint, dof);
         let forces = (&acceleration.qfrc_smooth[..], &mut integration.qacc[..]);
@@ -185,7 +193,9 @@ fn release<L: LaneQuery>(step: &mut Step<'_, L>) {
 /// The stages that do without constraints; without an executor where not all of them are wanted.
 fn smooth<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>) -> Findings<u32> {
     let start = Start::of(step.stages) as u32;
-    let part = Part::of(Op::Smooth, u32::from(run.applied.is_some()) | u32::from(run.keep) << 1 | start << 2);
+    let own = u32::from(run.applied.is_some()) | u32::from(run.keep) << 1 | start << 2;
+    let kicks = step.ws.kick.is_some() && step.stages.has(Stage::Integration);
+    let part = Part::of(Op::Smooth, if kicks { KICKED + own } else { own });
     let mut found = [0; 5];
     if step.runs(Stage::Acceleration) {
         run.executor.run(part, 0, &mut found, step);

@@ -6,6 +6,7 @@ use crate::collision::Colliders;
 use crate::constraint::Measured;
 use crate::derivative::Derivative;
 use crate::inertia::Inertia;
+use crate::kick::{self, Kick};
 use crate::lane::{Lane, Mask};
 use crate::model::{Instance, Model};
 use crate::options;
@@ -29,15 +30,8 @@ pub struct Smooth<'a, L> {
     pub acceleration: &'a mut Acceleration<L>,
     pub derivative: &'a mut Derivative<L>,
     pub colliders: &'a mut Colliders<L>,
-}
-
-impl<L> Smooth<'_, L> {
-    /// Borrowed for a shorter time.
-    pub fn borrow(&mut self) -> Smooth<'_, L> {
-        let Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders } =
-            self;
-        Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
-    }
+    /// Of a step that is kicked: what that works with.
+    pub kick: Option<&'a mut Kick<L>>,
 }
 
 /// What the smooth stages find, world by world.
@@ -78,8 +72,9 @@ pub fn smooth<L: Lane>(
     stages: Smooth<'_, L>,
     end: &mut dyn FnMut(Stage),
 ) -> Findings<L::Mask> {
-    let Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders } =
+    let Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders, kick } =
         stages;
+    let midpoint = model.options.integrator == options::Integrator::Midpoint;
     let mut findings = Findings::from([L::Mask::splat(false); 5]);
     if runs(Stage::Position) {
         position::kinematics(model, state.into(), position);
@@ -116,23 +111,38 @@ pub fn smooth<L: Lane>(
     }
     if runs(Stage::Derivative) {
         let stages = derivative::Stages { position, tendons, inertia, velocity, actuation };
-        derivative::implicit(model, state, stages, derivative);
-        derivative::factor(&model, derivative);
+        if midpoint {
+            derivative::fitted(model, state, stages, kick.is_some(), derivative);
+        } else {
+            derivative::implicit(model, state, stages, derivative);
+            derivative::factor(&model, derivative);
+        }
         end(Stage::Derivative);
     }
     if runs(Stage::Acceleration) {
         acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
-        let discrete = model.options.integrator == options::Integrator::Discrete;
-        let metric = discrete.then_some(&derivative.metric[..]);
-        if discrete {
+        let of_step = model.options.integrator == options::Integrator::Discrete || midpoint && kick.is_some();
+        let metric = of_step.then_some(&derivative.metric[..]);
+        if of_step {
             acceleration.qfrc_smooth.iter_mut().zip(&derivative.pull).for_each(|(force, pull)| *force -= *pull);
         }
         let stages = (&*position, &*tendons, &*inertia);
         // Where the inertia was left as it was, so was its factor.
-        if runs(Stage::Inertia) || discrete || model.features.articulated {
+        if runs(Stage::Inertia) || of_step || model.features.articulated {
             findings.singular = acceleration::smooth_acceleration(model, stages, metric, acceleration);
         } else {
             acceleration::solve_smooth(model, stages, true, acceleration);
+        }
+        if let Some(kick) = kick {
+            let metric = metric.unwrap_or(&inertia.m);
+            if midpoint {
+                kick::midpoint(model, stages, (metric, velocity), &state.qvel, acceleration, kick);
+            } else {
+                kick.scratch.bias.copy_from_slice(&velocity.qfrc_bias);
+            }
+            if model.sizes.nguard > 0 {
+                kick::guard(model, kick::Stages { position, inertia, metric }, state, acceleration, kick);
+            }
         }
         if runs(Stage::Solver) {
             findings.wild = acceleration::wild(&acceleration.qacc_smooth);
@@ -186,6 +196,12 @@ fn all_changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
     // The rows of discrete steps, and what follows the solver.
     if model.options.integrator == options::Integrator::Discrete {
         all.extend(["inertia.m", "derivative.metric", "derivative.pull", "derivative.joined"]);
+    }
+    if model.options.integrator == options::Integrator::Midpoint {
+        all.push("derivative.metric");
+    }
+    if model.sizes.nguard > 0 {
+        all.extend(["inertia.m", "inertia.composite", "guard"]);
     }
     // The integration reads them.
     if model.sizes.na > 0 {

@@ -119,6 +119,12 @@ impl Stages {
         stage.reads().iter().fold(own, |all, read| all | Stages::up_to(*read))
     }
 
+    /// All but one.
+    #[must_use]
+    pub fn without(self, stage: Stage) -> Stages {
+        Stages(self.0 & !(1 << stage as u16))
+    }
+
     /// Whether the stage belongs to the set.
     pub fn has(self, stage: Stage) -> bool {
         self.0 >> stage as u16 & 1 != 0

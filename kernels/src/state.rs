@@ -27,6 +27,10 @@ fields! {
         /// Steps for which each tree has rested, at most 10; from 11 on it sleeps, with 11 more than the number of the next tree of those
         /// that sleep together. MuJoCo's `tree_asleep` is 11 less. Only of models with the flag `sleep`.
         pub tree_rest: Vec<L> = sizes.nsleep,
+        /// What the guard has booked of each tree that it guards: energy, work since then, largest energy (J); momentum and angular momentum
+        /// about the centre of mass, world axes, and impulses since then (angular first; N m s, N s). All 0: it starts anew from the next
+        /// velocities. Only of models with the option `guard`.
+        pub tree_guard: Vec<[L; 15]> = sizes.nguard,
     } L
 }
 
@@ -62,6 +66,8 @@ impl Status {
     pub const QUAT_FAR: Status = Status(1 << 6);
     /// The inertia matrix had a pivot near zero.
     pub const SINGULAR_INERTIA: Status = Status(1 << 7);
+    /// The guard took more than a hundredth of a tree's inner velocities in a step.
+    pub const GUARDED: Status = Status(1 << 8);
     /// More contacts than the capacity.
     pub const CONTACT_OVERFLOW: Status = Status(1 << 9);
     /// The solver reached its limit of iterations.
@@ -72,7 +78,7 @@ impl Status {
     pub const FROZEN: Status = Status(1 << 15);
 
     /// Names of the bits, lowest first.
-    pub const NAMES: [(Status, &'static str); 12] = [
+    pub const NAMES: [(Status, &'static str); 13] = [
         (Status::NON_FINITE_POS, "NonFinitePos"),
         (Status::NON_FINITE_VEL, "NonFiniteVel"),
         (Status::NON_FINITE_ACC, "NonFiniteAcc"),
@@ -81,6 +87,7 @@ impl Status {
         (Status::QUAT_ZERO, "QuatZero"),
         (Status::QUAT_FAR, "QuatFar"),
         (Status::SINGULAR_INERTIA, "SingularInertia"),
+        (Status::GUARDED, "Guarded"),
         (Status::CONTACT_OVERFLOW, "ContactOverflow"),
         (Status::NOT_CONVERGED, "NotConverged"),
         (Status::CALLBACK_FAILED, "CallbackFailed"),

@@ -1,7 +1,7 @@
 //! A step: the stages are evaluated, whoever wants to looks at them, and an integrator makes the next state of what they found.
 
 use crate::diagnosis;
-use crate::integration::Rk4;
+use crate::integration::{Rk4, drift};
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model};
 use crate::part::{Op, Part, Step};
@@ -37,7 +37,15 @@ pub fn evaluate<L: LaneQuery>(
     if let Some(sleep) = &mut ws.sleep {
         sleep::disturb(model, state, run.applied, status.alive, sleep);
     }
-    forward(model, state, run, status, ws)
+    if ws.middle.is_none() {
+        return forward(model, state, run, status, ws);
+    }
+    // A midpoint step is evaluated at its middle, when it advances: this is for whoever looks at what its state leads to.
+    run.stages = run.stages.without(Stage::Integration);
+    match run.keep {
+        true => forward(model, state, run, status, ws),
+        false => Solved { lanes: status.alive, unfinished: 0 },
+    }
 }
 
 /// The second part: integrate, check, commit. `solved` is what the first part returned. A world whose next state would not be
@@ -54,6 +62,14 @@ pub fn advance<L: LaneQuery>(
     if let Some(clock) = &mut run.clock {
         clock.start();
     }
+    if let Some(mut middle) = ws.middle.take() {
+        drift(model, state, &mut middle);
+        let wanted = (run.stages, run.keep);
+        (run.stages, run.keep) = (Stages::STEP, false);
+        solved = forward(model, &mut middle, run, status, ws);
+        (run.stages, run.keep) = wanted;
+        ws.middle = Some(middle);
+    }
     if let Workspace { sleep: Some(sleep), constraint, .. } = ws {
         sleep::settle(model, state, (run.applied, constraint), status.alive, sleep);
     }
@@ -68,6 +84,9 @@ pub fn advance<L: LaneQuery>(
     };
     if let Some(sleep) = &ws.sleep {
         sleep::hold(model, state, sleep);
+    }
+    if let Some(kick) = &ws.kick {
+        status.record(Status::GUARDED, kick.acted() & good);
     }
     // How a solver ends that works with numbers beyond all bounds says nothing, and may depend on other worlds' contacts.
     status.record(Status::NOT_CONVERGED, solved.unfinished & good);

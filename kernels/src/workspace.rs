@@ -10,6 +10,7 @@ use crate::derivative::Derivative;
 use crate::energy::Energy;
 use crate::inertia::Inertia;
 use crate::integration::{Integration, Rk4};
+use crate::kick::Kick;
 use crate::lane::{Lane, LaneQuery, Real};
 use crate::model::{Cast, Model, Pair, Sizes, Varied};
 use crate::options::Integrator;
@@ -24,8 +25,12 @@ use crate::state::{Applied, State, state_len};
 use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
-fn discrete<T>(model: &Model<T>) -> bool {
-    model.options.integrator == Integrator::Discrete
+fn has_metric<T>(model: &Model<T>) -> bool {
+    model.options.integrator.has_metric()
+}
+
+fn midpoint<T>(model: &Model<T>) -> bool {
+    model.options.integrator == Integrator::Midpoint
 }
 
 /// What the stages write.
@@ -46,10 +51,14 @@ pub struct Workspace<L> {
     pub integration: Integration<L>,
     pub energy: Energy<L>,
     pub sensors: Sensors<L>,
-    /// What a solver of discrete steps has in place of the inertia: only the matrix is filled in.
+    /// What a solver of discrete or midpoint steps has in place of the inertia: only the matrix is filled in.
     pub metric: Option<Box<Inertia<L>>>,
     /// Of a model that is integrated so.
     pub rk4: Option<Box<Rk4<L>>>,
+    /// Of a model that is integrated by midpoint steps: the middle of the step.
+    pub middle: Option<Box<State<L>>>,
+    /// Of a model that is integrated so, or with a guard.
+    pub kick: Option<Box<Kick<L>>>,
     /// Of a model in which trees may sleep.
     pub sleep: Option<Box<Sleep<L>>>,
     /// For worlds that need double precision; there once one did.
@@ -57,11 +66,12 @@ pub struct Workspace<L> {
 }
 
 impl<L> Workspace<L> {
-    /// The stages that do without constraints.
-    pub fn smooth(&mut self) -> Smooth<'_, L> {
+    /// The stages that do without constraints, of a step that `kicks`, or of another evaluation.
+    pub fn smooth(&mut self, kicks: bool) -> Smooth<'_, L> {
         let Workspace { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, .. } = self;
         let colliders = &mut self.collision.colliders;
-        Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders }
+        let kick = self.kick.as_deref_mut().filter(|_| kicks);
+        Smooth { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, colliders, kick }
     }
 
     /// What sensors read.
@@ -129,8 +139,10 @@ impl<L: Lane> Workspace<L> {
             integration: Integration::new(&of(Stage::Integration)),
             energy: Energy::new(sizes),
             sensors: Sensors::new(sizes),
-            metric: discrete(model).then(|| Box::new(Inertia::new(&Sizes { nlink: 0, ..sizes.clone() }))),
+            metric: has_metric(model).then(|| Box::new(Inertia::new(&Sizes { nlink: 0, ..sizes.clone() }))),
             rk4: Rk4::new(model).map(Box::new),
+            middle: midpoint(model).then(|| Box::new(State::new(sizes))),
+            kick: Kick::new(model).map(Box::new),
             sleep: Sleep::new(model).map(Box::new),
             double: None,
         }
@@ -157,7 +169,9 @@ impl<L: Lane> Workspace<L> {
             Energy::<L>::bytes(sizes),
             Sensors::<L>::bytes(sizes),
             Rk4::<L>::bytes(model),
-            if discrete(model) { Inertia::<L>::bytes(&Sizes { nlink: 0, ..sizes.clone() }) } else { 0 },
+            if midpoint(model) { State::<L>::bytes(sizes) } else { 0 },
+            Kick::<L>::bytes(model),
+            if has_metric(model) { Inertia::<L>::bytes(&Sizes { nlink: 0, ..sizes.clone() }) } else { 0 },
         ];
         let own = stages.into_iter().fold(0, usize::saturating_add);
         own.saturating_add(double_bytes::<L>(model, own))

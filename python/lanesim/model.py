@@ -17,13 +17,14 @@ __all__ = ["Cone", "Integrator", "Key", "Model", "Options", "Report", "Solver"]
 
 
 class Integrator(enum.IntEnum):
-    """Numerical integrators, with MuJoCo's numbers."""
+    """Numerical integrators, with MuJoCo's numbers; ``midpoint`` is not in MuJoCo."""
 
     Euler = 0
     RK4 = 1
     implicit = 2
     implicitfast = 3
     discrete = 4
+    midpoint = 5
 
 
 class Cone(enum.IntEnum):
@@ -47,7 +48,7 @@ _ENUMS: dict[str, type[enum.IntEnum]] = {"integrator": Integrator, "cone": Cone,
 _OPTIONS = (
     "timestep gravity wind magnetic density viscosity impratio tolerance ls_tolerance noslip_tolerance "
     "ccd_tolerance sleep_tolerance iterations ls_iterations noslip_iterations ccd_iterations o_margin o_solref o_solimp "
-    "o_friction integrator cone solver"
+    "o_friction integrator guard cone solver"
 ).split()
 
 
@@ -177,6 +178,8 @@ class Options:
             raise AttributeError(_arrays.unknown("option", name, self.__dir__()))
         value = self._model._m.array(name)
         if value.ndim == 0:
+            if name == "guard":
+                return bool(value)
             return _ENUMS[name](int(value)) if name in _ENUMS else value.item()
         value.flags.writeable = False
         return value

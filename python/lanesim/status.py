@@ -27,6 +27,8 @@ class Status(enum.IntFlag):
     """A quaternion in the state whose length was off by more than 1e-3; its direction counts."""
     SingularInertia = 1 << 7
     """The inertia matrix had a pivot near zero."""
+    Guarded = 1 << 8
+    """The guard took more than a hundredth of a tree's inner velocities in a step."""
     ContactOverflow = 1 << 9
     """More contacts than the capacity."""
     NotConverged = 1 << 10

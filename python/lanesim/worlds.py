@@ -29,7 +29,7 @@ _COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body"
 _FIELDS = {name: (meaning, dims) for name, meaning, dims in _lanesim.FIELDS}
 _KEPT = tuple(name for name in _FIELDS if name not in _FORCES)
 # Those that a saved state has only if the model does.
-_OPTIONAL = ("eq_active", "mocap_pos", "mocap_quat", "tree_rest")
+_OPTIONAL = ("eq_active", "mocap_pos", "mocap_quat", "tree_rest", "tree_guard")
 
 
 def _field(name: str, more: str = "") -> Any:
@@ -175,6 +175,7 @@ class Worlds:
     mocap_pos = _field("mocap_pos", "A step leaves them; a reset puts them where the keyframe or the model has them.")
     mocap_quat = _field("mocap_quat", "Of any positive length. A reset does as with `mocap_pos`.")
     tree_rest = _field("tree_rest", "Set to 0, a tree is awake; positions that are set wake all trees of their worlds.")
+    tree_guard = _field("tree_guard", "Positions or velocities that are set close the books of their worlds.")
 
     @property
     def status(self) -> NDArray[np.uint32]:

@@ -13,6 +13,7 @@ use std::sync::atomic::Ordering;
 use lanesim_kernels::diagnosis;
 use lanesim_kernels::integration::displace;
 use lanesim_kernels::inverse::{self, Inverse};
+use lanesim_kernels::kick;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Actuator, Model as KernelModel};
 use lanesim_kernels::options::Integrator;
@@ -146,9 +147,11 @@ impl<L: LaneQuery> Cloud<L> {
     }
 }
 
-/// From where on a kind's states have to be evaluated; `None`: not at all. Between the evaluations of a Runge-Kutta step nothing stays.
+/// From where on a kind's states have to be evaluated; `None`: not at all. Nothing stays between the evaluations of a Runge-Kutta step, nor
+/// in the middle of a midpoint step, or what the guard works with.
 fn start<T>(kind: Kind, of: Of, model: &KernelModel<T>) -> Option<Start> {
-    let parts = of == Of::Transition && model.options.integrator == Integrator::Rk4;
+    let several = matches!(model.options.integrator, Integrator::Rk4 | Integrator::Midpoint);
+    let parts = of == Of::Transition && (several || kick::kicks(model));
     match kind {
         _ if parts => Some(Start::Position),
         Kind::Position => Some(Start::Position),
@@ -339,6 +342,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         let mut plan = if work.request.of == Of::Inverse { Plan::inverse() } else { Plan::step(&[]) };
         if sensors {
             plan.stages = plan.stages | Stages::up_to(Stage::Sensor);
+        }
+        // Accelerations are those of states; a midpoint step is evaluated when it advances.
+        if work.request.of != Of::Transition || self.tables.options.integrator == Integrator::Midpoint {
+            plan.stages = plan.stages.without(Stage::Integration);
         }
         plan.stages = start.map_or(Stages::NONE, |start| start.within(plan.stages, &self.tables));
         // Columns read what the nominal evaluation leaves.

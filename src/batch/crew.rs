@@ -8,6 +8,7 @@ use lanesim_kernels::diagnosis::{self, Element};
 use lanesim_kernels::inverse::Inverse;
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Model as KernelModel, Quantities, Varied};
+use lanesim_kernels::options::Integrator;
 use lanesim_kernels::part::Executor;
 use lanesim_kernels::pipeline::{self, Run, StageClock};
 use lanesim_kernels::state::{Applied, BlockStatus, Status};
@@ -213,7 +214,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         let mut run = self.run(plan, (applied.as_deref(), varied.as_deref()), worker.code.as_mut());
         run.clock = rollout.clock.then_some(&mut worker.clock);
         let solved = step::evaluate(&self.tables, state, &mut run, status, &mut worker.workspace);
-        if rollout.statistics {
+        // The solver of a midpoint step works when the step advances.
+        let late = self.tables.options.integrator == Integrator::Midpoint;
+        if rollout.statistics && !late {
             worker.statistics.gather(&worker.workspace, before.alive);
         }
         self.record(rollout, rows, (worlds, Output::derived), (!0, solved.lanes), block, worker);
@@ -221,6 +224,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         let mut run = self.run(plan, (applied.as_deref(), varied.as_deref()), worker.code.as_mut());
         run.clock = rollout.clock.then_some(&mut worker.clock);
         step::advance(&self.tables, state, &mut run, status, solved, &mut worker.workspace);
+        if rollout.statistics && late {
+            worker.statistics.gather(&worker.workspace, before.alive);
+        }
         let lost = solved.lanes & !block.status.alive;
         if block.status != before {
             self.note_step(block, before, &worker.workspace);

@@ -66,6 +66,9 @@ impl Info {
         rows.push(("scratch bytes per thread", memory.1.to_string()));
         rows.push(("timestep", format!("{} s", options.timestep)));
         rows.push(("integrator", options.integrator.to_string()));
+        if options.guard {
+            rows.push(("guard", format!("of {} trees", model.tables().sizes.nguard)));
+        }
         rows.push(("cone", format!("{:?}", options.cone)));
         rows.push(("solver", format!("{:?}", options.solver)));
         rows.push(("loaded in", milliseconds(seconds)));

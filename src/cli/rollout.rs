@@ -141,11 +141,11 @@ impl Rollout {
                 "steps_per_second": rate, "lost": lost, "state_hash": hash,
                 "solver_niter_mean": niter, "solver_niter_max": s.most_iterations,
                 "solver_residual_mean": residual, "solver_residual_max": s.largest_residual,
-                "events": engine::events(worlds)?, "output": self.output.shown(),
+                "guarded": s.per_world_step(s.guarded), "events": engine::events(worlds)?, "output": self.output.shown(),
             }));
         }
         output::notes("flag", &engine::events(worlds)?);
-        output::table(&[
+        let mut rows = vec![
             ("model", model.name().to_owned()),
             ("worlds x steps", format!("{} x {}", self.worlds, self.steps)),
             ("speed", format!("{}steps/s", output::human(rate))),
@@ -154,6 +154,11 @@ impl Rollout {
             ("iterations", format!("{niter:.2} mean, {:.0} most", s.most_iterations)),
             ("residual", format!("{residual:.1e} mean, {:.1e} largest", s.largest_residual)),
             ("written", self.output.shown()),
-        ])
+        ];
+        if model.tables().sizes.nguard > 0 {
+            let share = 100.0 * s.per_world_step(s.guarded);
+            rows.insert(rows.len() - 1, ("guard", format!("acted in {share:.3} % of the worlds' steps")));
+        }
+        output::table(&rows)
     }
 }

@@ -4,7 +4,6 @@ use lanesim_kernels::actuation::{self, Actuation};
 use lanesim_kernels::model::{
     Actuator, Dynamics, Instance, Joint, JointKind, Model, MomentDof, Mount, Muscle, NONE, Span, Transmission,
 };
-use lanesim_kernels::options::Integrator;
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::tendon;
 
@@ -176,7 +175,8 @@ pub(crate) fn actuators(
 
 /// Refuses what discrete steps do not have: a metric that joins branches.
 pub(crate) fn check_discrete(spec: &Spec, tables: &Model<f64>, diagnostics: &mut Diagnostics) {
-    if tables.options.integrator != Integrator::Discrete {
+    let integrator = tables.options.integrator;
+    if !integrator.has_metric() {
         return;
     }
     let above = |two: &[MomentDof]| {
@@ -186,8 +186,9 @@ pub(crate) fn check_discrete(spec: &Spec, tables: &Model<f64>, diagnostics: &mut
     for (i, (actuator, written)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
         let branches = !tables.moment_dofs[actuator.moments.range()].windows(2).all(above);
         if branches && actuator.follows() {
-            let message =
-                "its force follows the motion of several branches, which is not supported under integrator discrete";
+            let message = format!(
+                "its force follows the motion of several branches, which is not supported under integrator {integrator}"
+            );
             let label = label("actuator", &written.name, i);
             diagnostics.push(&written.source, label, message, "set integrator=\"implicitfast\"");
         }

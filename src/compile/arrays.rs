@@ -449,6 +449,8 @@ fn options(o: &Options, out: &mut Arrays) {
         Integrator::Implicit => 2,
         Integrator::ImplicitFast => 3,
         Integrator::Discrete => 4,
+        // MuJoCo has no such number.
+        Integrator::Midpoint => 5,
     };
     let cone = match o.cone {
         Cone::Pyramidal => 0,
@@ -461,6 +463,7 @@ fn options(o: &Options, out: &mut Arrays) {
     };
     let numbers = [
         ("integrator", integrator),
+        ("guard", i32::from(o.guard)),
         ("cone", cone),
         ("solver", solver),
         ("iterations", o.iterations as i32),

@@ -500,8 +500,12 @@ fn check_on_body(a: &Actuator, option: &Options, element: &mut Element) {
     if a.armature != 0.0 || a.damping != [0.0; 3] || a.inheritrange > 0.0 {
         element.refuse("armature, damping or inheritrange, but it acts on a body", "remove them");
     }
-    if option.integrator == Integrator::Discrete {
-        element.refuse("acts on a body, which integrator discrete does not support", "set integrator=\"implicitfast\"");
+    if option.integrator.has_metric() {
+        let what = format!("acts on a body, which integrator {} does not support", option.integrator);
+        element.refuse(what, "set integrator=\"implicitfast\"");
+    }
+    if option.guard {
+        element.refuse("acts on a body, which the guard does not support", "set guard=\"disable\"");
     }
 }
 

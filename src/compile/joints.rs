@@ -116,6 +116,7 @@ pub(crate) fn dofs(scene: &Scene, links: &Links, reflected: &[Reflected]) -> Vec
                 damping_linear: true,
                 armature: j.spec.armature + reflected[index].armature,
                 damping: [0.0; 3],
+                invweight: 0.0,
             };
             set_damping(&mut dof, j.spec.damping, &reflected[index]);
             dofs.push(dof);

@@ -203,13 +203,21 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let mut diagnostics = Diagnostics::default();
     let constants = actuators::constants(spec, &derived, &mut tables, &mut diagnostics);
     // What is implicit needs the matrix.
-    if articulated::pays(&tables) && !Stage::Derivative.present(&tables) {
+    tables.dofs.iter_mut().zip(&derived.dof_invweight0).for_each(|(dof, weight)| dof.invweight = *weight);
+    tables.sizes.nguard = tables.guarded().count();
+    if articulated::pays(&tables) && !Stage::Derivative.present(&tables) && tables.sizes.nguard == 0 {
         (tables.features.articulated, tables.sizes.narticulated) = (true, tables.sizes.nlink);
     }
     finite::check(spec, &scene, &tables, &derived, &mut diagnostics);
     actuators::check_discrete(spec, &tables, &mut diagnostics);
     diagnostics.into_result()?;
     notes.extend(equality::notes(spec, &tables));
+    if spec.option.guard && tables.sizes.nguard == 0 {
+        notes.push(
+            "option guard has no effect: no tree has inner motions, from which inertial forces could create energy"
+                .into(),
+        );
+    }
     let arrays = arrays::arrays(&arrays::Sources {
         spec,
         scene: &scene,
@@ -354,6 +362,7 @@ fn sizes(
         nsensoracc: if measures(SensorKind::of_accelerations) { links.links.len() } else { 0 },
         nsensorquat: if measures(|kind| kind == SensorKind::FrameQuat) || welded { links.links.len() } else { 0 },
         nsleep: 0,
+        nguard: 0,
         ntendon: tendons.table.len(),
         ntj: tendons.dofs.len(),
     }

@@ -10,7 +10,7 @@ use crate::unbuilt::unbuilt;
 use lanesim_kernels::options::{Cone, Flags, Integrator, MOST_ITERATIONS, Solver};
 
 /// The attributes of `option`.
-pub(super) const NAMES: &str = "actuatorgroupdisable ccd_iterations ccd_tolerance cone density gravity impratio \
+pub(super) const NAMES: &str = "actuatorgroupdisable ccd_iterations ccd_tolerance cone density gravity guard impratio \
     integrator iterations jacobian ls_iterations ls_tolerance magnetic noslip_iterations noslip_tolerance o_friction \
     o_margin o_solimp o_solref sdf_initpoints sdf_iterations sleep_tolerance solver timestep tolerance viscosity wind";
 /// The attributes of `flag`.
@@ -24,6 +24,7 @@ const INTEGRATORS: &[(&str, Integrator)] = &[
     ("implicit", Integrator::Implicit),
     ("implicitfast", Integrator::ImplicitFast),
     ("discrete", Integrator::Discrete),
+    ("midpoint", Integrator::Midpoint),
 ];
 const CONES: &[(&str, Cone)] = &[("pyramidal", Cone::Pyramidal), ("elliptic", Cone::Elliptic)];
 const SOLVERS: &[(&str, Solver)] = &[("PGS", Solver::Pgs), ("CG", Solver::Cg), ("Newton", Solver::Newton)];
@@ -171,6 +172,7 @@ fn set(o: &mut Options, name: &str, value: &str) -> Result<(), String> {
         "o_friction" => leading(value, &mut o.o_friction).map(drop),
         "actuatorgroupdisable" => groups(value, &mut o.actuatorgroupdisable),
         "integrator" => keyword(value, INTEGRATORS).map(|x| o.integrator = x),
+        "guard" => keyword(value, SWITCH).map(|x| o.guard = x),
         "cone" => keyword(value, CONES).map(|x| o.cone = x),
         "solver" => keyword(value, SOLVERS).map(|x| o.solver = x),
         "jacobian" => keyword(value, JACOBIANS),

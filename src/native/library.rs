@@ -7,10 +7,13 @@ use lanesim_codegen::{
 };
 use lanesim_kernels::collision::{self, Class, Near};
 use lanesim_kernels::constraint::{self, Classes, ContactRow};
+use lanesim_kernels::kick;
 use lanesim_kernels::lane::LaneQuery;
 use lanesim_kernels::model::{Model as Tables, Patch, Pattern, Quantities, Quantity, Sides};
 use lanesim_kernels::options::{self, Integrator};
-use lanesim_kernels::part::{COLUMNS, Family, Group, Item, KIND_COLUMNS, Lanes, Op, Part, Step, Threes, stride};
+use lanesim_kernels::part::{
+    COLUMNS, Family, Group, Item, KICKED, KIND_COLUMNS, Lanes, Op, Part, Step, Threes, stride,
+};
 use lanesim_kernels::solver::{self, Layout, Tile, Whitened, Work};
 use lanesim_kernels::stage::Stage;
 
@@ -100,9 +103,11 @@ impl<T: Float> Common<T> {
                 Op::Combine => tables.options.integrator != Integrator::Rk4,
                 _ => false,
             };
+            let unkicked = *op == Op::Smooth && !kick::kicks(tables);
             let none = absent || !stage.present(tables) || stage == Stage::Solver && !tables.constrained();
             let count = match op.family() {
                 _ if none => 0,
+                Family::Options(_) if unkicked => KICKED as usize,
                 Family::Options(count) => count as usize,
                 Family::Group => groups.len(),
                 Family::Shapes => shapes.len(),
@@ -198,11 +203,10 @@ impl<T: Float> Common<T> {
         let row = match part.op.family() {
             Family::Options(_) => {
                 if part.op == Op::Smooth {
+                    let (kicked, of) = (of >= KICKED as usize, of % KICKED as usize);
                     let start = ["", " from velocities", " from controls"][of >> 2];
-                    return format!(
-                        "{name}{start}{}",
-                        ["", ", forces", ", all fields", ", forces, all fields"][of & 3]
-                    );
+                    let fields = ["", ", forces", ", all fields", ", forces, all fields"][of & 3];
+                    return format!("{name}{start}{fields}{}", if kicked { ", kicked" } else { "" });
                 }
                 let options = match (part.op, of) {
                     (Op::Descend | Op::Polish, 1) => " filled",
@@ -404,7 +408,7 @@ impl<T: Float> ModelCode<T> {
         let newton = tables.options.solver == options::Solver::Newton;
         let noslip = tables.options.noslip_iterations > 0;
         let wanted = move |part: &Part| match (part.op, part.of) {
-            (Op::Smooth, of) => of == 0,
+            (Op::Smooth, of) => of == if kick::kicks(tables) { KICKED } else { 0 },
             (Op::Integrate, _) => tables.options.integrator != Integrator::Rk4,
             (Op::Energy | Op::Sensor | Op::MeasureBoth | Op::Couple, _) => false,
             (Op::Equality | Op::Joints | Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,

@@ -194,6 +194,9 @@ impl Parameter {
             Parameter::BodyMass | Parameter::BodyInertia if model.tables().features.fluid => {
                 refuse("the medium's forces follow from masses and inertias, and would be stale")
             }
+            _ if fitted(model) => {
+                refuse("springs and dampers are fitted to inertias by midpoint steps, and would be stale")
+            }
             _ if model.basis().scaled_muscles => {
                 refuse("forces of muscles follow from inertias, and would be stale; give muscles a force")
             }
@@ -368,6 +371,12 @@ fn zeros<'a>(bodies: impl Iterator<Item = &'a Body<f64>> + Clone) -> ([bool; 3],
         (one || com[a] || com[b]) && bodies.clone().all(own)
     };
     (com, [false, false, false, product(0, 1), product(0, 2), product(1, 2)])
+}
+
+/// Whether steps use inverse weights of dofs.
+fn fitted(model: &Model) -> bool {
+    let Tables { options, features, .. } = &**model.tables();
+    options.integrator == Integrator::Midpoint && (features.springs || features.dampers || features.actuation)
 }
 
 /// The tables with a structure that allows for what varies, whatever values it takes.

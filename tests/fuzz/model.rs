@@ -236,7 +236,7 @@ fn sound(random: &mut Random) -> Node {
     for (name, words) in [
         ("solver", "Newton|CG|PGS"),
         ("cone", "pyramidal|elliptic"),
-        ("integrator", "Euler|Euler|RK4|implicitfast|implicit|discrete"),
+        ("integrator", "Euler|Euler|RK4|implicitfast|implicit|discrete|midpoint"),
     ] {
         if random.one_in(2) {
             option = option.with(name, value(words, random));

@@ -82,7 +82,7 @@ fn tendons<L: Lane>(
 }
 
 /// What a joint's spring gains with displacement, a + 2 b r + 3 c r², for the dofs of each of its parts.
-fn slopes<L: Lane>(
+pub(super) fn slopes<L: Lane>(
     joint: &Joint<L::Real>,
     [a, b, c]: &[L; 3],
     q: &[L],

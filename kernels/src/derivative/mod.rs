@@ -1,4 +1,4 @@
-//! What forces gain with velocity, and the matrix M - h D of the implicit integrators; the metric of discrete steps.
+//! What forces gain with velocity, and the matrix M - h D of the implicit integrators; the metrics of discrete and of midpoint steps.
 //!
 //! `implicitfast` takes the derivative of passive and actuator forces, which is symmetric; `implicit` that of the bias force too. Free
 //! bodies that carry no joint have the latter in either case: their spin is what makes Euler's step unstable.
@@ -6,6 +6,7 @@
 mod actuators;
 mod bias;
 mod discrete;
+mod fitted;
 
 use std::ops::Range;
 
@@ -14,7 +15,7 @@ use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::Lane;
 use crate::math::{ldl, lu};
-use crate::model::{DofKind, Instance, Model, NONE};
+use crate::model::{Instance, Model};
 use crate::options::Integrator;
 use crate::passive::{damper_slope, ellipsoid, fluid, tendon_damper_slope};
 use crate::position::Position;
@@ -29,10 +30,10 @@ fields! {
         pub lower: Vec<L> = sizes.nm,
         /// Entries above it, column by column, of trees for which they differ.
         pub upper: Vec<L> = if sizes.nlink > 0 { sizes.nm } else { 0 },
-        /// The metric of a discrete step. Free bodies that carry no joint have the derivative of the bias force beside it, where no row
+        /// The metric of a discrete step, or of a midpoint step. Of the former, free bodies that carry no joint have the derivative of the bias force beside it, where no row
         /// holds them.
         pub metric: Vec<L> = sizes.nm,
-        /// What the force loses on the way of a discrete step, h K v.
+        /// What the force loses on the way of a discrete step, h K v; of a midpoint step, ε v.
         pub pull: Vec<L> = sizes.nv,
         /// By dof, 1 in worlds in which an actuator holds it in a discrete step.
         pub joined: Vec<L> = sizes.nv,
@@ -74,19 +75,13 @@ struct Tree {
 }
 
 fn trees<T>(model: &Model<T>) -> impl Iterator<Item = Tree> {
-    let links = &model.links;
-    let roots = (0..links.len()).filter(|l| links[*l].parent == NONE);
-    roots.map(|l| {
-        let carried = links[l + 1..].iter().take_while(|link| link.parent != NONE).count();
-        let own = links[l].dofs.range();
-        let dofs = own.start..links[l + carried].dofs.range().end;
-        let free = !own.is_empty() && matches!(model.dofs[own.start].kind, DofKind::FreeTranslation(_));
+    model.trees().map(|tree| {
         let skew = match model.options.integrator {
             Integrator::Implicit => true,
-            Integrator::ImplicitFast | Integrator::Discrete => free && carried == 0,
-            Integrator::Euler | Integrator::Rk4 => false,
+            Integrator::ImplicitFast | Integrator::Discrete => tree.is_free_body(model),
+            Integrator::Euler | Integrator::Rk4 | Integrator::Midpoint => false,
         };
-        Tree { dofs, links: l..l + carried + 1, skew }
+        Tree { dofs: tree.dofs, links: tree.links, skew }
     })
 }
 
@@ -124,6 +119,25 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
     }
     for tree in trees(&model).filter(|tree| tree.skew) {
         bias::add(&model, &tree, &state.qvel, stages, h, bias::Target { lower, upper, turn, gain });
+    }
+}
+
+/// Fills in the metric of midpoint steps, and what the force loses; outside of a step (`kicks`) the inertia matrix, and nothing.
+pub fn fitted<L: Lane>(
+    model: Instance<'_, L>,
+    state: &State<L>,
+    stages: Stages<'_, L>,
+    kicks: bool,
+    out: &mut Derivative<L>,
+) {
+    let Derivative { metric, pull, joined, .. } = out;
+    metric.copy_from_slice(&stages.inertia.m);
+    if kicks {
+        fitted::add(model, state, stages, (metric, pull, joined));
+        // A medium resists what is between the velocities of the step.
+        fluid::add_slope(&model, stages.position, stages.velocity, L::of(0.5 * model.options.timestep), metric);
+    } else {
+        pull.fill(L::zero());
     }
 }
 

@@ -3,10 +3,12 @@
 
 mod implicit;
 mod rk4;
+mod staggered;
 mod tangent;
 
 pub use implicit::implicit;
 pub use rk4::{Rates, Rk4};
+pub use staggered::{drift, staggered};
 pub use tangent::{difference, displace};
 
 use crate::acceleration::articulated;

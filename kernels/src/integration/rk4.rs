@@ -64,8 +64,19 @@ impl<L: Lane> Rk4<L> {
 
     /// Begins a step: the first evaluation is that of its state.
     pub fn start(&mut self, state: &State<L>) {
-        let State { time, qpos, qvel, act, ctrl, eq_active, qacc_warmstart, mocap_pos, mocap_quat, tree_rest } =
-            &mut self.stage;
+        let State {
+            time,
+            qpos,
+            qvel,
+            act,
+            ctrl,
+            eq_active,
+            qacc_warmstart,
+            mocap_pos,
+            mocap_quat,
+            tree_rest,
+            tree_guard,
+        } = &mut self.stage;
         time.copy_from_slice(&state.time);
         qpos.copy_from_slice(&state.qpos);
         qvel.copy_from_slice(&state.qvel);
@@ -75,6 +86,7 @@ impl<L: Lane> Rk4<L> {
         mocap_pos.copy_from_slice(&state.mocap_pos);
         mocap_quat.copy_from_slice(&state.mocap_quat);
         tree_rest.copy_from_slice(&state.tree_rest);
+        tree_guard.copy_from_slice(&state.tree_guard);
         qacc_warmstart.copy_from_slice(&state.qacc_warmstart);
         let Rates { rate, rates, qaccs, act_dots, .. } = &mut self.rates;
         [rate, rates, qaccs, act_dots].into_iter().for_each(|sums| sums.fill(L::zero()));

@@ -36,7 +36,7 @@ pub fn stages() -> Stages {
 
 /// Whether a step of this model can be inverted: its acceleration over the step has to follow from one evaluation.
 pub fn invertible<T>(model: &Model<T>) -> bool {
-    model.options.integrator != Integrator::Rk4
+    !matches!(model.options.integrator, Integrator::Rk4 | Integrator::Midpoint)
 }
 
 /// Finds the force for which the worlds of the block have the acceleration in [`Inverse::given`]; `over_step`: have it over a step, v⁺ - v

@@ -28,6 +28,7 @@ pub use tendon::{Passes, Round, Stretch, StretchDof, Tendon, TendonDof};
 pub use tiles::{LONGEST, Patch, Tiles};
 pub use varied::{Instance, Quantities, Quantity, Varied};
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::lane::Real;
@@ -110,6 +111,8 @@ pub struct Sizes {
     pub nsensorquat: usize,
     /// Trees of a model in which trees may sleep, else 0.
     pub nsleep: usize,
+    /// Trees of which the guard keeps books; 0 without the option `guard`.
+    pub nguard: usize,
     /// Tendons.
     pub ntendon: usize,
     /// Entries of their Jacobians.
@@ -273,7 +276,45 @@ impl Features {
     }
 }
 
+/// Links whose motions the inertia matrix couples.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tree {
+    /// Degrees of freedom.
+    pub dofs: Range<usize>,
+    /// Links, the first of which carries the others.
+    pub links: Range<usize>,
+}
+
+impl Tree {
+    /// Whether its first link has a free joint.
+    pub fn floats<T>(&self, model: &Model<T>) -> bool {
+        !self.dofs.is_empty() && matches!(model.dofs[self.dofs.start].kind, DofKind::FreeTranslation(_))
+    }
+
+    /// Whether it is a free body that carries no joint.
+    pub fn is_free_body<T>(&self, model: &Model<T>) -> bool {
+        self.floats(model) && self.links.len() == 1
+    }
+}
+
 impl<T> Model<T> {
+    /// The trees, in order.
+    pub fn trees(&self) -> impl Iterator<Item = Tree> {
+        let links = &self.links;
+        let roots = (0..links.len()).filter(|l| links[*l].parent == NONE);
+        roots.map(|l| {
+            let carried = links[l + 1..].iter().take_while(|link| link.parent != NONE).count();
+            let dofs = links[l].dofs.range().start..links[l + carried].dofs.range().end;
+            Tree { dofs, links: l..l + carried + 1 }
+        })
+    }
+
+    /// Those of which the guard keeps books. Of one dof, or of a free body alone, inertial forces create nothing worth a book.
+    pub fn guarded(&self) -> impl Iterator<Item = Tree> {
+        let on = self.options.guard;
+        self.trees().filter(move |tree| on && tree.dofs.len() > 1 && !tree.is_free_body(self))
+    }
+
     /// Whether a sensor is found apart from those that follow from states, motions and actuators alone: its numbers follow from
     /// rows, from a search, or from so many triangles that they are no straight line.
     pub fn apart(&self, sensor: &Sensor<T>) -> bool {

@@ -143,6 +143,8 @@ table! {
         pub armature: T,
         /// Coefficients of the damper force, actuators' reflected damping included.
         pub damping: [T; 3],
+        /// Inverse weight in the reference configuration, 1/kg, 1/(kg m²): what midpoint steps fit springs and dampers to.
+        pub invweight: T,
     } T
 }
 

@@ -22,7 +22,7 @@ use crate::options::Integrator;
 use crate::solver::{Arrival, Problem, Solver, SolverWork, Tile, Trial, Whitened, Work, contact, noslip, pgs};
 use crate::stage::{Stage, Start};
 use crate::workspace::Workspace;
-use crate::{collision, constraint, energy, integration, sensor, smooth, solver};
+use crate::{collision, constraint, energy, integration, kick, sensor, smooth, solver};
 
 /// A part, and which of its kind: options as bits, or the number of a class of pairs or kind of contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -125,18 +125,20 @@ macro_rules! parts {
 }
 
 const WHOLE: Family = Family::Options(1);
+/// Of [`Op::Smooth`], the first with a kick.
+pub const KICKED: u32 = 12;
 const FLAG: Family = Family::Options(2);
 
 parts! {
     /// [`smooth::smooth`]: with forces from outside (1), and for whoever reads what the stages leave (2); from positions, from velocities
-    /// (4), or from activations and controls on (8).
-    Smooth: "smooth", Acceleration, Family::Options(12), 0 => 5, shared [], changes [],
+    /// (4), or from activations and controls on (8); of a step that is kicked (12; see [`crate::kick`]).
+    Smooth: "smooth", Acceleration, Family::Options(24), 0 => 5, shared [], changes [],
         |part, step, _, (_, put)| {
             let Step { model, state, applied, ws, stages, clock } = step;
-            let start = Start::ALL[part.of as usize >> 2];
+            let start = part.start();
             let runs = |stage: Stage| start.runs(stage, model.model) && stages.run(stage, model.model);
             let mut end = |stage| clock.iter_mut().for_each(|clock| clock.end(stage));
-            let found = smooth::smooth(*model, state, *applied, &runs, ws.smooth(), &mut end);
+            let found = smooth::smooth(*model, state, *applied, &runs, ws.smooth(part.of >= KICKED), &mut end);
             <[_; 5]>::from(found).into_iter().for_each(put);
         };
     /// [`energy::energy`].
@@ -385,25 +387,34 @@ parts! {
         |_, step, item, (open, _)| whitened(step, item, open, noslip::sweep_contact);
     /// The step of an integrator that evaluates once, and [`integration::commit`]: worlds that take the next state.
     Integrate: "integration", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
-        changes ["state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time", "integration.qpos",
-            "integration.qvel", "integration.act", "integration.qacc"],
+        changes ["state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time", "state.tree_guard",
+            "integration.qpos", "integration.qvel", "integration.act", "integration.qacc"],
         |_, step, _, (alive, put)| {
             let Step { model, state, ws, .. } = step;
-            let Workspace { position, inertia, actuation, acceleration, derivative, solver, integration: next, .. } = &mut **ws;
+            let Workspace {
+                position, inertia, actuation, acceleration, derivative, solver, integration: next, middle, kick, ..
+            } = &mut **ws;
             let solver::Solver { qacc, qfrc_constraint, .. } = &solver.fields;
             let forces = [&acceleration.qfrc_smooth[..], qfrc_constraint];
             if matches!(model.options.integrator, Integrator::Implicit | Integrator::ImplicitFast) {
                 integration::implicit(model, state, forces, derivative, next);
+            } else if let Some(middle) = middle {
+                integration::staggered(model, &middle.qpos, &state.qvel, qacc, next);
             } else {
                 integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
             }
             integration::activations(model, &state.act, &actuation.act_dot, &mut next.act);
-            put(integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state));
+            let good = integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state);
+            if let Some(kick) = kick.as_deref_mut().filter(|_| model.sizes.nguard > 0) {
+                kick::book(*model, (position, inertia), &next.qvel, kick);
+                kick::keep(*model, &kick.guard, good, state);
+            }
+            put(good);
         };
     /// What an evaluation of a Runge-Kutta step has found: [`Rk4::take`](integration::Rk4::take), after the last one
     /// [`integration::replace`]: worlds that go on.
     Combine: "rk4", Integration, Family::Options(4), 1 => 1, shared [Quantity::Zero],
-        changes ["rk4.time", "rk4.qpos", "rk4.qvel", "rk4.act", "rk4.qacc_warmstart", "rates.rate", "rates.rates",
+        changes ["between.time", "between.qpos", "between.qvel", "between.act", "between.qacc_warmstart", "rates.rate", "rates.rates",
             "rates.qaccs", "rates.act_dots", "integration.qpos", "integration.qvel", "integration.act",
             "integration.qacc", "state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time"],
         |part, step, _, (good, put)| {
@@ -495,6 +506,11 @@ impl Part {
         Part { op, of }
     }
 
+    /// Where [`Op::Smooth`] starts.
+    fn start(self) -> Start {
+        Start::ALL[(self.of % KICKED) as usize >> 2]
+    }
+
     /// Runs the kernel over lanes that can be asked: masks as bits.
     pub fn run_lanes<L: LaneQuery>(self, item: &Item<'_>, given: u32, returned: &mut [u32], step: &mut Step<'_, L>) {
         let mut places = returned.iter_mut();
@@ -505,7 +521,7 @@ impl Part {
     /// Fields that it leaves for others: names, or all of a stage.
     pub fn changes<T>(self, model: &Model<T>) -> Vec<&'static str> {
         match self.op {
-            Op::Smooth => smooth::changes(model, self.of & 2 != 0, Start::ALL[self.of as usize >> 2]),
+            Op::Smooth => smooth::changes(model, self.of & 2 != 0, self.start()),
             Op::Combine if self.of as usize + 1 < Rk4::<f64>::PARTS => {
                 self.op.changes().iter().copied().filter(|name| !name.starts_with("state.")).collect()
             }

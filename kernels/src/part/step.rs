@@ -10,7 +10,7 @@ use crate::stage::{Stage, StageClock, Stages};
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
 use crate::{
-    acceleration, actuation, derivative, energy, inertia, integration, passive, position, sensor, solver, tendon,
+    acceleration, actuation, derivative, energy, inertia, integration, kick, passive, position, sensor, solver, tendon,
     velocity,
 };
 
@@ -77,7 +77,9 @@ impl<L: Lane> Step<'_, L> {
     pub fn lend<'b>(&'b mut self, set: Threes, f: &mut impl FnMut(usize, Name, Lanes<'b, L>)) -> &'b [ContactRow] {
         let Step { model, state, applied, ws, .. } = self;
         let Workspace { position, inertia, velocity, passive, actuation, acceleration, energy, integration, .. } = ws;
-        let Workspace { tendons, derivative, collision, constraint, solver, sensors, metric, rk4, .. } = ws;
+        let Workspace {
+            tendons, derivative, collision, constraint, solver, sensors, metric, rk4, middle, kick, ..
+        } = ws;
         let Collision { colliders, found, parallel, .. } = collision;
         let Constraint { dof_lanes, strengths, reference, motion, jacobian, contact_rows, equality, .. } = constraint;
         let SolverWork { fields, y, jp, force, line, edge_force, dual, .. } = solver;
@@ -158,9 +160,15 @@ impl<L: Lane> Step<'_, L> {
             "gain": gain,
             "metric": metric.as_deref_mut().map_or(&mut [][..], |metric| &mut metric.m),
         );
+        if let Some(kick) = kick {
+            stages!(Guard: kick.guard;);
+        }
+        if let Some(middle) = middle {
+            stages!(Between: middle;);
+        }
         if let Some(rk4) = rk4 {
             let Rk4 { stage, rates } = &mut **rk4;
-            stages!(Rk4: stage; Rates: rates;);
+            stages!(Between: stage; Rates: rates;);
         }
         contact_rows
     }
@@ -267,16 +275,18 @@ groups! {
     Rows: "solver", 10;
     /// What dual solvers have; then what discrete steps have in place of the inertia matrix.
     Dual: "solver", 11;
-    /// The intermediate state of a Runge-Kutta step, if the model is integrated so; the last groups.
-    Rk4: "rk4", State::<f64>::COUNT;
-    /// What its evaluations have added up to.
+    /// What the guard hands on, if the model has one.
+    Guard: "guard", kick::Guard::<f64>::COUNT;
+    /// The intermediate state of a Runge-Kutta step, or the middle of a midpoint step, if the model is integrated so.
+    Between: "between", State::<f64>::COUNT;
+    /// What the evaluations of a Runge-Kutta step have added up to.
     Rates: "rates", integration::Rates::<f64>::COUNT;
 }
 
 impl Group {
     /// Fields that a bit of a set stands for.
     const fn run(self) -> usize {
-        if matches!(self, Group::Varied) { 6 } else { 3 }
+        if matches!(self, Group::Varied | Group::Between | Group::Rates) { 6 } else { 3 }
     }
 
     /// Number of its first field.
@@ -295,7 +305,8 @@ impl Group {
     }
 }
 
-/// A set of fields, three by three of each group; of what varies, which is lent where anything does, six by six.
+/// A set of fields, three by three of each group; six by six of what varies, which is lent where anything does, and of what few models
+/// have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Threes(u64);
 

@@ -59,7 +59,7 @@ pub struct Accuracy {
     precision: Vec<Precision>,
     /// Integrators, those that MuJoCo lacks for lanesim alone
     #[arg(long, value_delimiter = ',', value_name = "NAMES",
-          default_values = ["Euler", "implicitfast", "implicit", "discrete", "RK4"])]
+          default_values = ["Euler", "implicitfast", "implicit", "discrete", "RK4", "midpoint"])]
     integrators: Vec<String>,
     /// Time steps in ms instead of the scenarios' own; each must divide 20
     #[arg(long, value_delimiter = ',', value_name = "MS", value_parser = milliseconds)]

@@ -49,7 +49,7 @@ pub struct Stress {
     seconds: f64,
     /// Integrators of the map
     #[arg(long, value_delimiter = ',', value_name = "NAMES",
-          default_values = ["Euler", "implicitfast", "implicit", "discrete", "RK4"])]
+          default_values = ["Euler", "implicitfast", "implicit", "discrete", "RK4", "midpoint"])]
     integrators: Vec<String>,
     /// Time steps of the map, ms
     #[arg(long, value_delimiter = ',', value_name = "MS", default_values = ["1", "2", "5", "10", "20"], value_parser = positive)]

@@ -6,7 +6,6 @@ mod stretches;
 use lanesim_kernels::model::{
     Dof, FrictionLoss, Instance, Joint, Limit, Link, Model, NONE, Sizes, Span, Stretch, StretchDof, Tendon, TendonDof,
 };
-use lanesim_kernels::options::Integrator;
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::tendon::{self, Tendons as Stage};
 
@@ -158,12 +157,13 @@ impl Tendons {
     pub fn check_discrete(&self, spec: &Spec, diagnostics: &mut Diagnostics) {
         let flags = &spec.option.flags;
         let holds = |t: &Tendon<f64>| t.cross && (flags.spring && t.spring || flags.damper && t.damped);
-        let discrete = spec.option.integrator == Integrator::Discrete;
+        let integrator = spec.option.integrator;
         for (t, (written, _)) in
-            spec.tendons.iter().zip(&self.table).enumerate().filter(|(_, (_, t))| discrete && holds(t))
+            spec.tendons.iter().zip(&self.table).enumerate().filter(|(_, (_, t))| integrator.has_metric() && holds(t))
         {
-            let message =
-                "a spring or damper along a tendon between branches is not supported under integrator discrete";
+            let message = format!(
+                "a spring or damper along a tendon between branches is not supported under integrator {integrator}"
+            );
             let remedy = "set integrator=\"implicitfast\"";
             diagnostics.push(&written.source, label("tendon", &written.name, t), message, remedy);
         }
