@@ -67,7 +67,7 @@ impl<L: Lane> Stages<L> {
         integration::euler(
             model.into(),
             (&s.position, &s.inertia),
-            qpos,
+            state.positions(),
             qvel,
             &a.qacc_smooth,
             forces,

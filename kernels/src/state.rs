@@ -27,7 +27,16 @@ fields! {
         /// Steps for which each tree has rested, at most 10; from 11 on it sleeps, with 11 more than the number of the next tree of those
         /// that sleep together. MuJoCo's `tree_asleep` is 11 less. Only of models with the flag `sleep`.
         pub tree_rest: Vec<L> = sizes.nsleep,
+        /// What time, then positions, have beyond the digits of single precision (see [`low`](crate::math::low)). Read and set with them.
+        pub low: Vec<L> = sizes.nlow,
     } L
+}
+
+impl<L> State<L> {
+    /// Positions and their low words, of which double precision has none.
+    pub fn positions(&self) -> [&[L]; 2] {
+        [&self.qpos, self.low.get(1..).unwrap_or(&[])]
+    }
 }
 
 fields! {
