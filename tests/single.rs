@@ -166,6 +166,36 @@ fn a_stack_far_from_the_origin_stands_as_at_the_origin() {
     }
 }
 
+/// A box of 2 mm and 1 mg turns, falls and rests as in double precision, and no pivot of it is called singular.
+#[test]
+fn a_box_of_a_milligram_moves_as_in_double_precision() {
+    let text = |floor: &str, height: f64| {
+        format!(
+            "<mujoco><worldbody>{floor}<body pos='0 0 {height}'><freejoint/>
+               <geom type='box' size='0.001 0.0015 0.0008' mass='1e-6'/></body></worldbody></mujoco>"
+        )
+    };
+    let floor = "<geom type='plane' size='1 1 1'/>";
+    for (name, text, spin, torque, steps) in [
+        ("falls and turns", text("", 1.0), [3.0, -2.0, 5.0], 0.0, 100),
+        ("is driven", text("", 1.0), [3.0, -2.0, 5.0], 1e-11, 100),
+        ("rests", text(floor, 0.0008), [0.0; 3], 0.0, 500),
+    ] {
+        let model = parse(&text);
+        let [double, single] = [Precision::F64, Precision::F32].map(|precision| {
+            let mut worlds = worlds(&model, precision);
+            worlds.set(Field::Qvel, 0, &[0.0, 0.0, 0.0, spin[0], spin[1], spin[2]]).expect("speeds");
+            worlds.set(Field::QfrcApplied, 0, &[0.0, 0.0, 0.0, torque, -torque, torque]).expect("forces");
+            worlds.step(steps).expect("steps");
+            assert_eq!(worlds.status(0).expect("a world"), Default::default(), "{name}, {precision:?}");
+            [field(&worlds, Field::Qpos), field(&worlds, Field::Qvel)]
+        });
+        let errors = [0, 1].map(|i| off(&double[i], &single[i]));
+        println!("{name}: positions off by {:.1e}, velocities by {:.1e}", errors[0], errors[1]);
+        assert!(errors.iter().all(|error| *error < 1e-4), "{name}: {errors:?}");
+    }
+}
+
 /// What its servos hold stays where it stands.
 #[test]
 fn a_standing_quadruped_does_not_drift() {
