@@ -2,6 +2,7 @@
 //! worked on. In between they are in the store.
 
 use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::math::low;
 use lanesim_kernels::model::{Model, NONE, Sizes, Varied};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
@@ -32,6 +33,9 @@ impl<L: LaneQuery> Block<L> {
         let mut state = State::new(&model.sizes);
         for (q, q0) in state.qpos.iter_mut().zip(&model.qpos0) {
             *q = L::splat(*q0);
+        }
+        for (low, low0) in state.low.iter_mut().zip(&model.low0) {
+            *low = L::splat(*low0);
         }
         for (active, active0) in state.eq_active.iter_mut().zip(&model.eq_active0) {
             *active = L::splat(*active0);
@@ -70,13 +74,26 @@ impl<L: LaneQuery> Block<L> {
         for (entry, x) in self.lanes(field, sizes).iter_mut().zip(values) {
             entry.set(lane, L::Real::from_f64(*x));
         }
+        for (low, x) in self.low(field).iter_mut().zip(values) {
+            low.set(lane, L::Real::from_f64(low::remainder::<L::Real>(*x)));
+        }
+    }
+
+    /// Low words of a field; none if it has none.
+    fn low(&mut self, field: Field) -> &mut [L] {
+        field.low().and_then(|first| self.state.low.get_mut(first..)).unwrap_or_default()
     }
 
     /// Sets a field of one lane from a world's row.
     pub fn set_row(&mut self, field: Field, sizes: &Sizes, lane: usize, rows: &Strided<'_>, world: usize) {
         self.wake(field, lane);
         let entries = self.lanes(field, sizes);
-        rows.row(world, entries.len(), |i, x| entries[i].set(lane, L::Real::from_f64(x)));
+        let len = entries.len();
+        rows.row(world, len, |i, x| entries[i].set(lane, L::Real::from_f64(x)));
+        let low = self.low(field);
+        if !low.is_empty() {
+            rows.row(world, len, |i, x| low[i].set(lane, L::Real::from_f64(low::remainder::<L::Real>(x))));
+        }
     }
 
     /// Wakes the trees of a lane whose positions are set, and closes the guard's books where these or velocities are.
@@ -97,7 +114,10 @@ impl<L: LaneQuery> Block<L> {
             (Home::Applied(number), Some(applied)) => applied.field(number),
             (Home::Applied(_), None) => return out.resize(out.len() + field.lanes(sizes), 0.0),
         };
+        let start = out.len();
         out.extend(lanes.iter().map(|x| x.get(lane).to_f64()));
+        let low = field.low().and_then(|first| self.state.low.get(first..)).unwrap_or_default();
+        out[start..].iter_mut().zip(low).for_each(|(x, low)| *x += low.get(lane).to_f64());
     }
 
     /// Resets one lane: positions as given, the rest as given or zero, warm start, forces and status cleared.

@@ -10,7 +10,7 @@ use crate::model::{Key, Model};
 /// A part of a world's state, or a force from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Field {
-    /// Time, s: 1 number.
+    /// Time, s: 1 number. It and positions have twice the digits of the other fields in single precision.
     Time,
     /// Positions: `nq`.
     Qpos,
@@ -47,8 +47,8 @@ pub(crate) enum Home {
     Applied(usize),
 }
 
-/// Number of fields of the state.
-const STATES: usize = State::<f64>::FIELDS.len();
+/// Number of fields of the state, but for the last one, low words, which are told and set as a part of time and positions.
+const STATES: usize = State::<f64>::FIELDS.len() - 1;
 /// Number of all fields.
 const COUNT: usize = STATES + Applied::<f64>::FIELDS.len();
 
@@ -128,6 +128,15 @@ impl Field {
         own.into_iter().chain((declared.width > 1).then_some(("", declared.width))).collect()
     }
 
+    /// Of a field that has low words in single precision, the first of them in [`State::low`].
+    pub(crate) const fn low(self) -> Option<usize> {
+        match self {
+            Field::Time => Some(0),
+            Field::Qpos => Some(1),
+            _ => None,
+        }
+    }
+
     /// Numbers per world.
     pub fn len(self, model: &Model) -> usize {
         self.lanes(&model.tables().sizes)
@@ -163,7 +172,7 @@ mod tests {
 
     #[test]
     fn fields_are_what_kernels_declare() {
-        let declared = State::<f64>::FIELDS.iter().chain(Applied::<f64>::FIELDS);
+        let declared = State::<f64>::FIELDS[..STATES].iter().chain(Applied::<f64>::FIELDS);
         for (i, (declared, (field, name))) in declared.zip(Field::ALL).enumerate() {
             assert_eq!((i, declared.name), (field as usize, name));
             let letters = |text: &str| text.to_lowercase().replace('_', "");

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::math::low;
 use lanesim_kernels::model::{Model, Quantities, Quantity, Sizes, Varied};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, state_len};
 
@@ -129,6 +130,10 @@ impl<L: LaneQuery> Store<L> {
             // The guard's books are of how the world moved by itself.
             self.set(Field::TreeGuard, sizes, world, &vec![0.0; 15 * sizes.nguard]);
         }
+        let low = self.low(field, sizes, block);
+        for (low, x) in self.states[low].iter_mut().zip(values) {
+            low.set(lane, L::Real::from_f64(low::remainder::<L::Real>(*x)));
+        }
         let entries = match field.home() {
             Home::State(number) => {
                 let range = self.entries(number, sizes, block);
@@ -152,7 +157,16 @@ impl<L: LaneQuery> Store<L> {
             (Home::Applied(number), Some(applied)) => applied.field(number),
             (Home::Applied(_), None) => return vec![0.0; field.lanes(sizes)],
         };
-        entries.iter().map(|x| x.get(lane).to_f64()).collect()
+        let low = &self.states[self.low(field, sizes, block)];
+        let mut values: Vec<f64> = entries.iter().map(|x| x.get(lane).to_f64()).collect();
+        values.iter_mut().zip(low).for_each(|(x, low)| *x += low.get(lane).to_f64());
+        values
+    }
+
+    /// Where the low words of a field are, if it has any: in the last field of a block's state.
+    fn low(&self, field: Field, sizes: &Sizes, block: usize) -> Range<usize> {
+        let all = self.entries(State::<L>::COUNT - 1, sizes, block);
+        field.low().map_or(0..0, |first| (all.start + first).min(all.end)..all.end)
     }
 
     /// Status of one world.
@@ -234,10 +248,12 @@ impl<L: LaneQuery> Store<L> {
         }
     }
 
-    /// Positions and velocities of one world.
+    /// Positions and velocities of one world, and low words.
     pub fn configuration(&self, sizes: &Sizes, world: usize) -> impl Iterator<Item = L::Real> + '_ {
-        let start = self.place(world / L::WIDTH).start + 1;
-        self.states[start..start + sizes.nq + sizes.nv].iter().map(move |x| x.get(world % L::WIDTH))
+        let Range { start, end } = self.place(world / L::WIDTH);
+        let (first, low) = (start + 1, end - sizes.nlow);
+        let lanes = self.states[first..first + sizes.nq + sizes.nv].iter().chain(&self.states[low..end]);
+        lanes.map(move |x| x.get(world % L::WIDTH))
     }
 }
 

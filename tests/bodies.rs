@@ -25,7 +25,11 @@ fn named(model: &Model, kind: &str, element: &str) -> String {
 /// Every model's bodies in its recorded states, judged by the largest entry of all.
 fn bodies(precision: Precision, tolerances: [f64; 4], jacobians: f64) {
     let mut failures = Failures::default();
-    for golden in Golden::all() {
+    for mut golden in Golden::all() {
+        if precision == Precision::F32 {
+            // Internal forces of a stack are what its solver's rounding leaves: up to one and a half times the tolerance in states within 1e-8 of these.
+            golden.round("in/qpos");
+        }
         let recorded = golden.bodies();
         let point = |name: &str| name.split_once('/').map(|(kind, element)| named(&golden.model, kind, element));
         let asked: Vec<String> = recorded.keys().map(|name| point(name).unwrap_or(name.clone())).collect();

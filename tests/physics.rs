@@ -423,7 +423,7 @@ fn normal_rows_are_rates_of_distances() {
             let v: Vec<f64> = (0..nv).map(|i| qvel.to_f64()[state * nv + i] + (1.0 + i as f64).sin()).collect();
             let at = |h: f64| {
                 let mut moved = vec![0.0; q.len()];
-                lanesim_kernels::integration::advance::<f64>(tables, q, &v, h, &mut moved);
+                lanesim_kernels::integration::advance::<f64>(tables, [q, &[]], &v, h, [&mut moved, &mut []]);
                 evaluate(model, &moved, &v, &fields)
             };
             let (now, plus, minus) = (at(0.0), at(STEP), at(-STEP));

@@ -341,7 +341,7 @@ fn pose(tables: &Tables<f64>, qpos: &[f64]) -> Position<f64> {
 /// qpos moved by `v` for a time `h`.
 fn moved(tables: &Tables<f64>, qpos: &[f64], v: &[f64], h: f64) -> Vec<f64> {
     let mut out = vec![0.0; qpos.len()];
-    integration::advance(tables, qpos, v, h, &mut out);
+    integration::advance(tables, [qpos, &[]], v, h, [&mut out, &mut []]);
     out
 }
 

@@ -58,7 +58,7 @@ impl<L: Lane> Stages<L> {
         passive::passive(model.into(), moving, qpos, qvel, &mut s.passive);
         let (qpos, qvel, ctrl) = (qpos.to_vec(), qvel.to_vec(), ctrl.to_vec());
         let state = State { qpos, qvel, ctrl, ..State::new(sizes) };
-        let State { qpos, qvel, .. } = &state;
+        let State { qvel, .. } = &state;
         let bad = actuation::actuation(model.into(), &state, (&s.position, &s.tendons, &s.passive), &mut s.actuation);
         let a = &mut s.acceleration;
         acceleration::smooth_force(model, &s.position, &s.velocity, &s.passive, &s.actuation, None, a);
@@ -67,7 +67,7 @@ impl<L: Lane> Stages<L> {
         integration::euler(
             model.into(),
             (&s.position, &s.inertia),
-            qpos,
+            state.positions(),
             qvel,
             &a.qacc_smooth,
             forces,

@@ -90,6 +90,11 @@ impl Double {
         let (own, sizes) = (&mut self.state, &self.model.sizes);
         widen(&state.time, &mut own.time);
         widen(&state.qpos, &mut own.qpos);
+        for (q, low) in own.qpos.iter_mut().zip(state.positions()[1]) {
+            let mut rest = [f64x8::zero()];
+            widen(std::slice::from_ref(low), &mut rest);
+            *q += rest[0];
+        }
         widen(&state.qvel, &mut own.qvel);
         widen(&state.act, &mut own.act);
         widen(&state.ctrl, &mut own.ctrl);

@@ -16,6 +16,8 @@ pub const ASLEEP: u32 = LEAST_REST + 1;
 pub struct Sleep<L> {
     /// Positions before the step.
     qpos: Vec<L>,
+    /// Low words of time and positions before the step.
+    low: Vec<L>,
     /// Of one world, by tree: how long it has rested.
     rest: Vec<u32>,
     /// By tree, a tree of the same island; itself if it stands for the island.
@@ -30,6 +32,7 @@ impl<L: Lane> Sleep<L> {
         let n = model.sizes.nsleep;
         (n > 0).then(|| Sleep {
             qpos: vec![L::zero(); model.sizes.nq],
+            low: vec![L::zero(); model.sizes.nlow],
             rest: vec![0; n],
             island: vec![0; n],
             open: vec![false; n],
@@ -38,7 +41,8 @@ impl<L: Lane> Sleep<L> {
 
     /// Bytes of it.
     pub fn bytes(model: &Model<L::Real>) -> usize {
-        let room = model.sizes.nq * size_of::<L>() + model.sizes.nsleep * (2 * size_of::<u32>() + 1);
+        let room =
+            (model.sizes.nq + model.sizes.nlow) * size_of::<L>() + model.sizes.nsleep * (2 * size_of::<u32>() + 1);
         if model.sizes.nsleep > 0 { room } else { 0 }
     }
 }
@@ -97,15 +101,19 @@ pub fn settle<L: LaneQuery>(
         sleep.store(state, lane);
     }
     sleep.qpos.copy_from_slice(&state.qpos);
+    sleep.low.copy_from_slice(&state.low);
 }
 
 /// After it: trees that sleep are where they were, at rest.
 pub fn hold<L: Lane>(model: &Model<L::Real>, state: &mut State<L>, sleep: &Sleep<L>) {
-    let State { qpos, qvel, tree_rest, .. } = state;
+    let State { qpos, qvel, tree_rest, low, .. } = state;
     for (tree, rest) in model.sleepers.iter().zip(&*tree_rest) {
         let awake = rest.lt(L::of(f64::from(ASLEEP)));
         for q in tree.qpos.range() {
             qpos[q] = L::select(awake, qpos[q], sleep.qpos[q]);
+            if let Some(low) = low.get_mut(1 + q) {
+                *low = L::select(awake, *low, sleep.low[1 + q]);
+            }
         }
         for v in tree.dofs.range() {
             qvel[v] = L::select(awake, qvel[v], L::zero());

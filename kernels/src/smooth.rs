@@ -179,6 +179,7 @@ fn all_changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
         true => vec!["position", "tendon", "inertia", "velocity", "passive", "actuation", "acceleration", "derivative"],
         false => vec![
             "position.origin",
+            "position.origin_low",
             "position.pos",
             "position.rot",
             "position.cdof",

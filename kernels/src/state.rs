@@ -31,7 +31,49 @@ fields! {
         /// about the centre of mass, world axes, and impulses since then (angular first; N m s, N s). All 0: it starts anew from the next
         /// velocities. Only of models with the option `guard`.
         pub tree_guard: Vec<[L; 15]> = sizes.nguard,
+        /// What time, then positions, have beyond the digits of single precision (see [`low`](crate::math::low)). Read and set with them.
+        pub low: Vec<L> = sizes.nlow,
     } L
+}
+
+impl<L> State<L> {
+    /// Positions and their low words, of which double precision has none.
+    pub fn positions(&self) -> [&[L]; 2] {
+        [&self.qpos, self.low.get(1..).unwrap_or(&[])]
+    }
+}
+
+impl<L: Copy> State<L> {
+    /// Becomes what another state of the model is.
+    pub fn copy_from(&mut self, other: &State<L>) {
+        // By names, so that a new field is not forgotten.
+        let State {
+            time,
+            qpos,
+            qvel,
+            act,
+            ctrl,
+            eq_active,
+            qacc_warmstart,
+            mocap_pos,
+            mocap_quat,
+            tree_rest,
+            tree_guard,
+            low,
+        } = self;
+        time.copy_from_slice(&other.time);
+        qpos.copy_from_slice(&other.qpos);
+        qvel.copy_from_slice(&other.qvel);
+        act.copy_from_slice(&other.act);
+        ctrl.copy_from_slice(&other.ctrl);
+        eq_active.copy_from_slice(&other.eq_active);
+        qacc_warmstart.copy_from_slice(&other.qacc_warmstart);
+        mocap_pos.copy_from_slice(&other.mocap_pos);
+        mocap_quat.copy_from_slice(&other.mocap_quat);
+        tree_rest.copy_from_slice(&other.tree_rest);
+        tree_guard.copy_from_slice(&other.tree_guard);
+        low.copy_from_slice(&other.low);
+    }
 }
 
 fields! {

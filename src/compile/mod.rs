@@ -185,6 +185,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),
+        low0: Vec::new(),
         potential_still: potential(&links.still(&scene), gravity),
         sleepers: Vec::new(),
         sleep_lengths: Vec::new(),
@@ -363,6 +364,7 @@ fn sizes(
         nsensorquat: if measures(|kind| kind == SensorKind::FrameQuat) || welded { links.links.len() } else { 0 },
         nsleep: 0,
         nguard: 0,
+        nlow: 0,
         ntendon: tendons.table.len(),
         ntj: tendons.dofs.len(),
     }

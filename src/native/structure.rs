@@ -52,7 +52,7 @@ impl<T: Float> Structure<T> {
         let instance = Instance { model, varied: Some(&varied) };
         let mocap = [3, 4].map(|width| recording.input(quantities.len() + width - 1, width * model.sizes.nmocap));
         let (mocap_pos, mocap_quat) = (mocap[0].as_chunks().0, mocap[1].as_chunks().0);
-        let configuration = Configuration { qpos: &qpos, mocap_pos, mocap_quat };
+        let configuration = Configuration { qpos: &qpos, low: &[], mocap_pos, mocap_quat };
         position::kinematics(instance, configuration, &mut position);
         let mut tendons = Tendons::new(&model.sizes);
         if model.tendons.iter().any(|tendon| tendon.heavy) {

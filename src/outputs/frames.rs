@@ -16,7 +16,9 @@ pub(super) fn rotation<L: LaneQuery>(world: World<'_, L>, link: u32) -> DMat3 {
 /// Origin of the tree of a link, in the world.
 pub(super) fn origin<L: LaneQuery>(world: World<'_, L>, link: u32) -> DVec3 {
     let tree = world.tables.links[link as usize].tree as usize;
-    world.vector(&world.workspace.position.origin[tree])
+    let position = &world.workspace.position;
+    let low = position.origin_low.get(tree).map_or(DVec3::ZERO, |low| world.vector(low));
+    world.vector(&position.origin[tree]) + low
 }
 
 pub(super) fn position<L: LaneQuery>(world: World<'_, L>, placement: &Placement) -> DVec3 {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use lanesim::eval::eval;
-use lanesim::npz::{self, Array};
+use lanesim::npz::{self, Array, Data};
 use lanesim::{Model, Options};
 
 use super::{all_models, load_with, repository};
@@ -57,6 +57,14 @@ impl Golden {
     pub fn inputs(&self) -> BTreeMap<String, Array> {
         let input = |(name, array): (&String, &Array)| Some((name.strip_prefix("in/")?.to_string(), array.clone()));
         self.arrays.iter().filter_map(input).collect()
+    }
+
+    /// Rounds an input to single precision.
+    pub fn round(&mut self, name: &str) {
+        if let Some(array) = self.arrays.get_mut(name) {
+            let rounded = array.to_f64().iter().map(|x| f64::from(*x as f32)).collect();
+            *array = Array::new(array.shape().to_vec(), Data::F64(rounded)).expect("an array");
+        }
     }
 
     /// Number of recorded states. A model without positions or controls has one, of no numbers.

@@ -5,7 +5,7 @@ use crate::math::quat;
 use crate::math::spatial::{Spatial, join, lin, rot};
 use crate::math::tree;
 use crate::math::vec3::{
-    Mat3, Vec3, add, column, cross, cross_add, dot, mul, mul_add, mul_mat, mul_t, scale, scale_add, splat, sub,
+    Mat3, Vec3, column, cross, cross_add, dot, mul, mul_add, mul_mat, mul_t, scale, scale_add, splat, sub,
 };
 use crate::model::{Actuator, Instance, MomentDof, NONE, Transmission};
 use crate::position::{Configuration, Position, orientation};
@@ -99,8 +99,7 @@ fn frame<L: Lane>(model: Instance<'_, L>, actuator: &Actuator<L::Real>, k: usize
 /// From the second mount to the first.
 #[inline(always)]
 fn apart<L: Lane>(model: Instance<'_, L>, position: &Position<L>, first: &Frame<L>, second: &Frame<L>) -> Vec3<L> {
-    let [one, other] = [first, second].map(|frame| position.origin_of(&model, frame.link));
-    add(&sub(&one, &other), &sub(&first.pos, &second.pos))
+    position.moved(&model, &sub(&first.pos, &second.pos), first.link, second.link)
 }
 
 /// The force and torque that a frame feels, seen at its tree's origin.

@@ -2,7 +2,7 @@
 
 use super::{contact_frame, reference};
 use crate::lane::{Lane, Real};
-use crate::math::vec3::{self, Mat3, Vec3, add, column, mul_add, mul_mat, splat, sub, zero};
+use crate::math::vec3::{self, Mat3, Vec3, column, mul_add, mul_mat, splat};
 use crate::model::{Instance, Model, NONE, Pair};
 use crate::position::Position;
 
@@ -78,8 +78,7 @@ impl Frames {
         if self.trees[k] == self.reference {
             return *pos;
         }
-        let origin = |tree: u32| if tree == NONE { zero() } else { position.origin[tree as usize] };
-        add(pos, &sub(&origin(self.trees[k]), &origin(self.reference)))
+        position.between(pos, self.trees[k], self.reference)
     }
 
     /// Both bodies relative to the pair's reference point.

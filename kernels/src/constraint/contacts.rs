@@ -7,7 +7,7 @@ use super::{Cone, Constraint, ContactRow, Kind, Strength, dof_rows};
 use crate::collision::{Contact, reference};
 use crate::lane::Lane;
 use crate::math::spatial::{Spatial, dot6};
-use crate::math::vec3::{Vec3, add, cross, neg, row, sub};
+use crate::math::vec3::{Vec3, cross, neg, row};
 use crate::model::{Impedance, Instance, Model, NONE, Pair, PairDof, Sides};
 use crate::options;
 use crate::position::Position;
@@ -225,8 +225,10 @@ pub fn measure<L: Lane>(
     if row.sides == Sides::One {
         return still_side(&grip, contact, &velocity.cvel[row.link as usize], out);
     }
-    let shift = sub(&position.origin_of(&model, pair.link2), &position.origin_of(&model, pair.link1));
-    let at = if row.sides == Sides::Two { contact.pos() } else { add(&contact.pos(), &shift) };
+    let at = match row.sides {
+        Sides::Two => contact.pos(),
+        _ => position.moved(&model, &contact.pos(), pair.link2, pair.link1),
+    };
     both_sides(&grip, contact, &at, dofs, (&position.cdof, qvel), jacobian, out);
 }
 

@@ -22,6 +22,6 @@ pub fn implicit<L: Lane>(
     for (i, v) in out.qvel.iter_mut().enumerate() {
         *v = h.mul_add(out.qacc[i], state.qvel[i]);
     }
-    let Integration { qpos, qvel, .. } = out;
-    advance(model, &state.qpos, qvel, h, qpos);
+    let Integration { qpos, low, qvel, .. } = out;
+    advance(model, state.positions(), qvel, h, [qpos, low]);
 }

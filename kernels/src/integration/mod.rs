@@ -17,7 +17,9 @@ use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, Real};
 use crate::math::ldl;
+use crate::math::low;
 use crate::math::quat;
+use crate::math::vec3::select;
 use crate::model::{Instance, JointKind, Model};
 use crate::passive::damper_slope;
 use crate::position::Position;
@@ -32,6 +34,8 @@ fields! {
         pub qvel: Vec<L> = sizes.nv,
         /// Next activations.
         pub act: Vec<L> = sizes.na,
+        /// Next low words of the positions.
+        pub low: Vec<L> = sizes.nlow.saturating_sub(1),
         /// Acceleration over the step; differs from the solver's where damping is implicit.
         pub qacc: Vec<L> = sizes.nv,
         /// Factor of M + h B, B the slopes of the dampers.
@@ -57,11 +61,11 @@ impl<L: Lane> Integration<L> {
 }
 
 /// Next state: v⁺ = v + h a, q⁺ = q ⊕ h v⁺, with (M + h B) a = the sum of `forces` where damping is implicit, else
-/// a = `qacc`.
+/// a = `qacc`. `qpos` has its low words beside it.
 pub fn euler<L: Lane>(
     model: Instance<'_, L>,
     (position, inertia): (&Position<L>, &Inertia<L>),
-    qpos: &[L],
+    qpos: [&[L]; 2],
     qvel: &[L],
     qacc: &[L],
     forces: [&[L]; 2],
@@ -99,7 +103,7 @@ pub fn euler<L: Lane>(
     for i in 0..qvel.len() {
         out.qvel[i] = h.mul_add(out.qacc[i], qvel[i]);
     }
-    advance(&model, qpos, &out.qvel, h, &mut out.qpos);
+    advance(&model, qpos, &out.qvel, h, [&mut out.qpos, &mut out.low]);
 }
 
 /// Next activations, from their rates.
@@ -151,24 +155,48 @@ pub fn replace<L: Lane>(
     for (i, warm) in state.qacc_warmstart.iter_mut().enumerate() {
         *warm = L::select(good, qacc[i] - qacc_smooth[i] + zero, *warm);
     }
-    let time = state.time[0] + L::of(model.options.timestep);
+    let [time, low] = later(model.options.timestep, state);
     replace(&mut state.time, &[time]);
+    if let [time, positions @ ..] = &mut state.low[..] {
+        replace(std::slice::from_mut(time), &[low]);
+        replace(positions, &next.low);
+    }
 }
 
-/// q ⊕ h v: positions after moving with velocity `qvel` for a time `h`.
-pub fn advance<L: Lane>(model: &Model<L::Real>, qpos: &[L], qvel: &[L], h: L, out: &mut [L]) {
+/// The time a step later, and its low word: of single precision, the sum of a million steps would be off by a hundredth.
+fn later<L: Lane>(timestep: f64, state: &State<L>) -> [L; 2] {
+    let (time, step) = (state.time[0], L::of(timestep));
+    state.low.first().map_or([time + step, L::zero()], |low| {
+        let rest = L::of(timestep - L::Real::from_f64(timestep).to_f64());
+        low::sum(time, step, *low + rest)
+    })
+}
+
+/// q ⊕ h v: positions after moving with velocity `qvel` for a time `h`. Either has its low words beside it; without any, sums are rounded.
+pub fn advance<L: Lane>(model: &Model<L::Real>, [qpos, low]: [&[L]; 2], qvel: &[L], h: L, out: [&mut [L]; 2]) {
+    let [out, out_low] = out;
     for joint in &model.joints {
-        let (q, v) = (&qpos[joint.qpos as usize..], &qvel[joint.dof as usize..]);
-        let out = &mut out[joint.qpos as usize..];
-        match joint.kind {
-            JointKind::Free => {
-                for k in 0..3 {
-                    out[k] = h.mul_add(v[k], q[k]);
-                }
-                turn(&q[3..], &v[3..], h, &mut out[3..]);
+        let (at, v) = (joint.qpos as usize, &qvel[joint.dof as usize..]);
+        let translations = match joint.kind {
+            JointKind::Free => 3,
+            JointKind::Ball => 0,
+            JointKind::Slide | JointKind::Hinge => 1,
+        };
+        for k in 0..translations {
+            if low.is_empty() {
+                out[at + k] = h.mul_add(v[k], qpos[at + k]);
+            } else {
+                let step = h.mul_add(v[k], low[at + k]);
+                [out[at + k], out_low[at + k]] = low::add(qpos[at + k], step);
             }
-            JointKind::Ball => turn(q, v, h, out),
-            JointKind::Slide | JointKind::Hinge => out[0] = h.mul_add(v[0], q[0]),
+        }
+        if matches!(joint.kind, JointKind::Free | JointKind::Ball) {
+            let (at, v) = (at + translations, &v[translations..]);
+            if low.is_empty() {
+                turn(&qpos[at..], v, h, &mut out[at..]);
+            } else {
+                turn_low([&qpos[at..], &low[at..]], v, h, [&mut out[at..], &mut out_low[at..]]);
+            }
         }
     }
 }
@@ -179,4 +207,24 @@ fn turn<L: Lane>(q: &[L], w: &[L], h: L, out: &mut [L]) {
     let q = quat::unit(&[q[0], q[1], q[2], q[3]]);
     let next = quat::unit(&quat::mul(&q, &quat::exp(&[h * w[0], h * w[1], h * w[2]])));
     out[..4].copy_from_slice(&next);
+}
+
+/// How far the square of a quaternion's length may be from 1 for [`turn_low`] to keep its low words.
+const NEARLY_UNIT: f64 = 1e-5;
+
+/// The same as a sum, with low words: rotations too small for the quaternion's digits count. What adds to its length only need not be exact, and what
+/// is missing there is made up for at the next step.
+#[inline(always)]
+fn turn_low<L: Lane>([q, low]: [&[L]; 2], w: &[L], h: L, [out, out_low]: [&mut [L]; 2]) {
+    let given = [q[0], q[1], q[2], q[3]];
+    let square = |q: &[L; 4]| q[3].mul_add(q[3], q[2].mul_add(q[2], q[1].mul_add(q[1], q[0] * q[0])));
+    let unit = (square(&given) - L::one()).within(NEARLY_UNIT);
+    let q = select(unit, &given, &quat::unit(&given));
+    let [c, x, y, z] = quat::exp(&[h * w[0], h * w[1], h * w[2]]);
+    let across = quat::mul(&q, &[L::zero(), x, y, z]);
+    let along = (c - L::one()) + L::of(0.5) * (L::one() - square(&q));
+    for k in 0..4 {
+        let low = L::select(unit, low[k], L::zero());
+        [out[k], out_low[k]] = low::add(q[k], along.mul_add(q[k], across[k]) + low);
+    }
 }

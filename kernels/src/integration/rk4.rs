@@ -27,6 +27,8 @@ fields! {
         pub act_dots: Vec<L> = sizes.na,
         /// Where they lead.
         pub qpos: Vec<L> = sizes.nq,
+        /// The low words of that.
+        pub low: Vec<L> = sizes.nlow.saturating_sub(1),
     } L
 }
 
@@ -64,30 +66,7 @@ impl<L: Lane> Rk4<L> {
 
     /// Begins a step: the first evaluation is that of its state.
     pub fn start(&mut self, state: &State<L>) {
-        let State {
-            time,
-            qpos,
-            qvel,
-            act,
-            ctrl,
-            eq_active,
-            qacc_warmstart,
-            mocap_pos,
-            mocap_quat,
-            tree_rest,
-            tree_guard,
-        } = &mut self.stage;
-        time.copy_from_slice(&state.time);
-        qpos.copy_from_slice(&state.qpos);
-        qvel.copy_from_slice(&state.qvel);
-        act.copy_from_slice(&state.act);
-        ctrl.copy_from_slice(&state.ctrl);
-        eq_active.copy_from_slice(&state.eq_active);
-        mocap_pos.copy_from_slice(&state.mocap_pos);
-        mocap_quat.copy_from_slice(&state.mocap_quat);
-        tree_rest.copy_from_slice(&state.tree_rest);
-        tree_guard.copy_from_slice(&state.tree_guard);
-        qacc_warmstart.copy_from_slice(&state.qacc_warmstart);
+        self.stage.copy_from(state);
         let Rates { rate, rates, qaccs, act_dots, .. } = &mut self.rates;
         [rate, rates, qaccs, act_dots].into_iter().for_each(|sums| sums.fill(L::zero()));
     }
@@ -105,7 +84,7 @@ impl<L: Lane> Rk4<L> {
         out: &mut Integration<L>,
     ) -> L::Mask {
         let h = model.options.timestep;
-        let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, qpos } } = self;
+        let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, qpos, low } } = self;
         // Of the accelerations only the first is held against the largest number, as for other integrators.
         let judged = if part == 0 { qacc } else { &[] };
         let good = judged.iter().fold(good, |good, a| good & a.within(L::Real::MAXVAL));
@@ -122,8 +101,9 @@ impl<L: Lane> Rk4<L> {
         let last = part + 1 == Self::PARTS;
         let (reach, rates, qaccs) = if last { (h, &*rates, &**qaccs) } else { (REACH[part] * h, &*rate, qacc) };
         let take = |old: &mut L, new: L| *old = L::select(good, new, *old);
-        advance(model, &state.qpos, rates, L::of(reach), qpos);
+        advance(model, state.positions(), rates, L::of(reach), [qpos, low]);
         out.qpos.iter_mut().zip(qpos).for_each(|(old, new)| take(old, *new));
+        out.low.iter_mut().zip(low).for_each(|(old, new)| take(old, *new));
         for (i, a) in qaccs.iter().enumerate() {
             take(&mut out.qvel[i], L::of(reach).mul_add(*a, state.qvel[i]));
             take(&mut out.qacc[i], *a);
@@ -143,6 +123,7 @@ impl<L: Lane> Rk4<L> {
                 old.iter_mut().zip(new).for_each(|(old, new)| *old = L::select(good, *new, *old));
             };
             take(&mut stage.qpos, &out.qpos);
+            take(stage.low.get_mut(1..).unwrap_or_default(), &out.low);
             take(&mut stage.qvel, &out.qvel);
             take(&mut stage.act, &out.act);
             take(&mut stage.time, &[state.time[0] + L::of(reach)]);

@@ -8,7 +8,7 @@ use crate::model::{JointKind, Model};
 /// q ⊕ `step`: a rotation turns by its three numbers in its own axes, everything else adds. A quaternion that does not turn stays as it
 /// is, of whatever length.
 pub fn displace<L: Lane>(model: &Model<L::Real>, qpos: &[L], step: &[L], out: &mut [L]) {
-    advance(model, qpos, step, L::one(), out);
+    advance(model, [qpos, &[]], step, L::one(), [out, &mut []]);
     for joint in &model.joints {
         let (at, turn) = match joint.kind {
             JointKind::Free => (joint.qpos as usize + 3, joint.dof as usize + 3),

@@ -17,6 +17,8 @@ mod tendon;
 mod tiles;
 mod varied;
 
+use crate::math::low;
+
 pub use actuators::*;
 pub use cast::{Cast, Representable};
 pub use heights::HeightField;
@@ -113,6 +115,8 @@ pub struct Sizes {
     pub nsleep: usize,
     /// Trees of which the guard keeps books; 0 without the option `guard`.
     pub nguard: usize,
+    /// Low words of time and positions, 1 + `nq`, in single precision, else 0.
+    pub nlow: usize,
     /// Tendons.
     pub ntendon: usize,
     /// Entries of their Jacobians.
@@ -257,6 +261,8 @@ pub struct Model<T> {
     pub mean_inertia: T,
     /// Positions in the reference configuration, length nq.
     pub qpos0: Vec<T>,
+    /// What rounding took from time 0 and these (see [`State::low`](crate::state::State::low)).
+    pub low0: Vec<T>,
     /// Trees of a model in which trees may sleep, else empty.
     pub sleepers: Vec<Sleeper>,
     /// By degree of freedom, the length by which its velocity is that of a point, m; 1 of translations; empty likewise.
@@ -351,8 +357,9 @@ impl<T> Model<T> {
 impl<T: Real, U: Real> Cast<U> for Model<T> {
     type Out = Model<U>;
     fn cast(&self) -> Model<U> {
+        let low0 = low::remainders(&self.qpos0);
         Model {
-            sizes: self.sizes.clone(),
+            sizes: Sizes { nlow: low0.len(), ..self.sizes.clone() },
             options: self.options.clone(),
             features: self.features.clone(),
             bodies: self.bodies.cast(),
@@ -392,6 +399,7 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             tree_pattern: self.tree_pattern.clone(),
             mean_inertia: self.mean_inertia.cast(),
             qpos0: self.qpos0.cast(),
+            low0,
             sleepers: self.sleepers.clone(),
             sleep_lengths: self.sleep_lengths.cast(),
             tree_rest0: self.tree_rest0.cast(),

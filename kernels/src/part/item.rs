@@ -154,6 +154,7 @@ impl Item<'_> {
                     ("position", "pos") => moving(3, [0, 4]),
                     ("position", "rot") => moving(9, [1, 5]),
                     ("position", "origin") => moving(3, [2, 6]),
+                    ("position", "origin_low") if model.sizes.nlow > 0 => moving(3, [2, 6]),
                     ("varied", "Geom") => vec![(3, 15), (7, 15)],
                     ("varied", "Include") => quantity(Quantity::Include, 8),
                     ("collision", "found") => vec![(9, 13 * near.points as usize)],
@@ -186,6 +187,9 @@ impl Item<'_> {
                     }
                     ("position", "cdof") if row.sides == Sides::Apart => of_dofs(6, [3, 4]),
                     ("position", "origin") if row.sides == Sides::Apart => vec![(11, 3), (12, 3)],
+                    ("position", "origin_low") if row.sides == Sides::Apart && model.sizes.nlow > 0 => {
+                        vec![(11, 3), (12, 3)]
+                    }
                     ("constraint", "strengths") => vec![(0, 7)],
                     ("constraint", "motion") => vec![(1, 6 * dim)],
                     ("constraint", "reference") => vec![(2, dim)],

@@ -387,8 +387,9 @@ parts! {
         |_, step, item, (open, _)| whitened(step, item, open, noslip::sweep_contact);
     /// The step of an integrator that evaluates once, and [`integration::commit`]: worlds that take the next state.
     Integrate: "integration", Integration, WHOLE, 1 => 1, shared [Quantity::Zero],
-        changes ["state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time", "state.tree_guard",
-            "integration.qpos", "integration.qvel", "integration.act", "integration.qacc"],
+        changes ["state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time", "state.low", "state.tree_guard",
+            "integration.qpos",
+            "integration.low", "integration.qvel", "integration.act", "integration.qacc"],
         |_, step, _, (alive, put)| {
             let Step { model, state, ws, .. } = step;
             let Workspace {
@@ -399,9 +400,9 @@ parts! {
             if matches!(model.options.integrator, Integrator::Implicit | Integrator::ImplicitFast) {
                 integration::implicit(model, state, forces, derivative, next);
             } else if let Some(middle) = middle {
-                integration::staggered(model, &middle.qpos, &state.qvel, qacc, next);
+                integration::staggered(model, middle.positions(), &state.qvel, qacc, next);
             } else {
-                integration::euler(*model, (position, inertia), &state.qpos, &state.qvel, qacc, forces, next);
+                integration::euler(*model, (position, inertia), state.positions(), &state.qvel, qacc, forces, next);
             }
             integration::activations(model, &state.act, &actuation.act_dot, &mut next.act);
             let good = integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state);
@@ -414,9 +415,10 @@ parts! {
     /// What an evaluation of a Runge-Kutta step has found: [`Rk4::take`](integration::Rk4::take), after the last one
     /// [`integration::replace`]: worlds that go on.
     Combine: "rk4", Integration, Family::Options(4), 1 => 1, shared [Quantity::Zero],
-        changes ["between.time", "between.qpos", "between.qvel", "between.act", "between.qacc_warmstart", "rates.rate", "rates.rates",
-            "rates.qaccs", "rates.act_dots", "integration.qpos", "integration.qvel", "integration.act",
-            "integration.qacc", "state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time"],
+        changes ["between.time", "between.qpos", "between.low", "between.qvel", "between.act", "between.qacc_warmstart", "rates.rate", "rates.rates",
+            "rates.qaccs", "rates.act_dots", "integration.qpos", "integration.low", "integration.qvel",
+            "integration.act", "integration.qacc", "state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time",
+            "state.low"],
         |part, step, _, (good, put)| {
             let Step { model, state, ws, .. } = step;
             let Workspace { actuation, acceleration, solver, integration: next, rk4, .. } = &mut **ws;

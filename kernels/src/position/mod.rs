@@ -19,6 +19,8 @@ fields! {
     pub struct Position(sizes) {
         /// Origin of each tree in the world, m.
         pub origin: Vec<[L; 3]> = sizes.ntree,
+        /// Its low word; zero but for free trees.
+        pub origin_low: Vec<[L; 3]> = if sizes.nlow > 0 { sizes.ntree } else { 0 },
         /// Position of each link's frame relative to its tree's origin, m, world axes.
         pub pos: Vec<[L; 3]> = sizes.nlink,
         /// Orientation of each link's frame: link to world.
@@ -40,6 +42,22 @@ impl<L: Lane> Position<L> {
     pub fn origin_of(&self, model: &Model<L::Real>, link: u32) -> Vec3<L> {
         if link == NONE { zero() } else { self.origin[model.links[link as usize].tree as usize] }
     }
+
+    /// A place relative to the origin of one link's tree, made relative to that of another's; either may be [`NONE`], the world's.
+    #[inline(always)]
+    pub fn moved(&self, model: &Model<L::Real>, at: &Vec3<L>, from: u32, to: u32) -> Vec3<L> {
+        let tree = |link: u32| if link == NONE { NONE } else { model.links[link as usize].tree };
+        self.between(at, tree(from), tree(to))
+    }
+
+    /// The same of trees. Low words come last: they matter where origins are near each other.
+    #[inline(always)]
+    pub fn between(&self, at: &Vec3<L>, from: u32, to: u32) -> Vec3<L> {
+        let far = |tree: u32| self.origin.get(tree as usize).copied().unwrap_or(zero());
+        let low = |tree: u32| self.origin_low.get(tree as usize).copied().unwrap_or(zero());
+        let near = add(at, &sub(&far(from), &far(to)));
+        if self.origin_low.is_empty() { near } else { add(&near, &sub(&low(from), &low(to))) }
+    }
 }
 
 /// What places all links: positions of joints, and poses of mocap bodies (quaternions of any positive length).
@@ -47,6 +65,8 @@ impl<L: Lane> Position<L> {
 pub struct Configuration<'a, L> {
     /// Positions.
     pub qpos: &'a [L],
+    /// Their low words, or none.
+    pub low: &'a [L],
     /// Positions of mocap bodies; none: they are where the model puts them.
     pub mocap_pos: &'a [[L; 3]],
     /// Orientations of mocap bodies, likewise.
@@ -64,13 +84,14 @@ impl<L> Copy for Configuration<'_, L> {}
 /// Mocap bodies are where the model puts them.
 impl<'a, L> From<&'a [L]> for Configuration<'a, L> {
     fn from(qpos: &'a [L]) -> Self {
-        Configuration { qpos, mocap_pos: &[], mocap_quat: &[] }
+        Configuration { qpos, low: &[], mocap_pos: &[], mocap_quat: &[] }
     }
 }
 
 impl<'a, L> From<&'a State<L>> for Configuration<'a, L> {
     fn from(state: &'a State<L>) -> Self {
-        Configuration { qpos: &state.qpos, mocap_pos: &state.mocap_pos, mocap_quat: &state.mocap_quat }
+        let [qpos, low] = state.positions();
+        Configuration { qpos, low, mocap_pos: &state.mocap_pos, mocap_quat: &state.mocap_quat }
     }
 }
 
@@ -90,7 +111,7 @@ pub fn kinematics<L: Lane>(model: Instance<'_, L>, configuration: Configuration<
         let root = link.parent == NONE;
         let moved = configuration.mocap(link).map(|(pos, quat)| (pos, quat::to_matrix(&quat)));
         let (mut pos, mut rot) = moved.unwrap_or_else(|| placed(link, position));
-        let first = link.joints.start as usize;
+        let (first, mut low) = (link.joints.start as usize, zero());
         for j in link.joints.range() {
             let joint = &model.joints[j];
             let q = &qpos[joint.qpos as usize..];
@@ -98,6 +119,9 @@ pub fn kinematics<L: Lane>(model: Instance<'_, L>, configuration: Configuration<
                 pos = [q[0], q[1], q[2]];
                 rot = quat::to_matrix(&quat::unit(&[q[3], q[4], q[5], q[6]]));
                 position.anchor[j] = zero();
+                if let [x, y, z, ..] = configuration.low.get(joint.qpos as usize..).unwrap_or_default() {
+                    low = [*x, *y, *z];
+                }
                 continue;
             }
             let shift = move_joint(joint, q, &mut rot, &mut position.axis[j], &mut position.anchor[j]);
@@ -110,6 +134,9 @@ pub fn kinematics<L: Lane>(model: Instance<'_, L>, configuration: Configuration<
         }
         if root {
             position.origin[link.tree as usize] = pos;
+            if let Some(origin_low) = position.origin_low.get_mut(link.tree as usize) {
+                *origin_low = low;
+            }
             pos = zero();
         } else {
             for anchor in &mut position.anchor[link.joints.range()] {

@@ -70,7 +70,7 @@ fn between<L: Lane>(
     if tree(model, to_link) == tree(model, from_link) {
         return own;
     }
-    add(&sub(&position.origin_of(model, to_link), &position.origin_of(model, from_link)), &own)
+    position.moved(model, &own, to_link, from_link)
 }
 
 /// Length of a piece, and for a unit of tension along the tendon what pushes each of its links outwards, at the origin of the link's tree.

@@ -103,8 +103,7 @@ pub(super) fn held<L: Lane>(
         if link == NONE { own } else { mul_add(&position.rot[link as usize], &own, &position.pos[link as usize]) }
     };
     let points = [point(0), point(1)];
-    let [first, second] = equality.links.map(|link| position.origin_of(&model, link));
-    let off = add(&sub(&first, &second), &sub(&points[0], &points[1]));
+    let off = position.moved(&model, &sub(&points[0], &points[1]), equality.links[0], equality.links[1]);
     let turn = (equality.kind == EqualityKind::Weld).then(|| Turn::new(equality, quats));
     let sides = Sides { points, turn };
 
