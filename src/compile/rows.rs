@@ -98,6 +98,7 @@ mod tests {
             damping_linear: true,
             armature: 0.0,
             damping: [0.0; 3],
+            invweight: 0.0,
         };
         parents.iter().map(dof).collect()
     }
