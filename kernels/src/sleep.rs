@@ -106,7 +106,7 @@ pub fn settle<L: LaneQuery>(
 
 /// After it: trees that sleep are where they were, at rest.
 pub fn hold<L: Lane>(model: &Model<L::Real>, state: &mut State<L>, sleep: &Sleep<L>) {
-    let State { qpos, qvel, tree_rest, low, .. } = state;
+    let State { qpos, qvel, tree_rest, tree_guard, low, .. } = state;
     for (tree, rest) in model.sleepers.iter().zip(&*tree_rest) {
         let awake = rest.lt(L::of(f64::from(ASLEEP)));
         for q in tree.qpos.range() {
@@ -117,6 +117,14 @@ pub fn hold<L: Lane>(model: &Model<L::Real>, state: &mut State<L>, sleep: &Sleep
         }
         for v in tree.dofs.range() {
             qvel[v] = L::select(awake, qvel[v], L::zero());
+        }
+    }
+    // The guard's books are of trees that move.
+    for (books, guarded) in tree_guard.iter_mut().zip(model.guarded()) {
+        let own = model.sleepers.iter().position(|tree| tree.dofs.range() == guarded.dofs);
+        if let Some(rest) = own.and_then(|tree| tree_rest.get(tree)) {
+            let awake = rest.lt(L::of(f64::from(ASLEEP)));
+            books.iter_mut().for_each(|x| *x = L::select(awake, *x, L::zero()));
         }
     }
 }

@@ -42,12 +42,17 @@ pub fn midpoint<L: Lane>(
         *a = force[i] + gained(i);
     }
     ldl::solve(&model.rows, &model.tree_pattern, factor, inverse, a);
-    // Twice the way to the middle velocity, by the time.
+    // The second residual is a - 2 (v̄ - v)/h, whose product with the metric is the bias force's gain but for that of rotations.
     let rate = L::of(2.0) / h;
-    for (i, residual) in residual.iter_mut().enumerate() {
-        *residual = a[i] - (between[i] - qvel[i]) * rate;
+    residual.fill(L::zero());
+    for i in rotations(&model).flat_map(|first| first..first + 3) {
+        residual[i] = (between[i] - qvel[i]).mul_add(rate, -first[i]);
     }
     ldl::multiply(&model.rows, &model.tree_pattern, metric, residual, product);
+    for (i, residual) in residual.iter_mut().enumerate() {
+        *residual = a[i] - first[i] - *residual;
+        product[i] = gained(i) - product[i];
+    }
     for tree in model.trees() {
         let dofs = tree.dofs;
         let mut products = [L::zero(); 3];
@@ -65,6 +70,15 @@ pub fn midpoint<L: Lane>(
             scratch.bias[i] = at_start.qfrc_bias[i] - left;
         }
     }
+}
+
+/// First dofs of the rotations of free and ball joints.
+fn rotations<T>(model: &Model<T>) -> impl Iterator<Item = usize> {
+    model.joints.iter().filter_map(|joint| match joint.kind {
+        JointKind::Free => Some(joint.dof as usize + 3),
+        JointKind::Ball => Some(joint.dof as usize),
+        JointKind::Slide | JointKind::Hinge => None,
+    })
 }
 
 /// By how much the first acceleration counts, from <F₀, F₀>, <F₀, F₁> and <F₁, F₁> of the residuals F.
@@ -85,12 +99,7 @@ fn middle<L: Lane>(model: &Model<L::Real>, inertia: &Inertia<L>, (qvel, qacc): (
     for (i, out) in out.iter_mut().enumerate() {
         *out = half.mul_add(qacc[i], qvel[i]);
     }
-    for joint in &model.joints {
-        let first = match joint.kind {
-            JointKind::Free => joint.dof as usize + 3,
-            JointKind::Ball => joint.dof as usize,
-            JointKind::Slide | JointKind::Hinge => continue,
-        };
+    for first in rotations(model) {
         let at = |x: &[L]| -> Vec3<L> { build(|k| x[first + k]) };
         let entry = |i: usize, j: usize| inertia.m[model.rows.at(first + i.max(j), first + i.min(j))];
         let own: Mat3<L> = build(|k| entry(k / 3, k % 3));
