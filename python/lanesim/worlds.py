@@ -310,6 +310,10 @@ class Worlds:
             self._parameter(name, out, ids) if name in PARAMETERS else next(arrays) for name, out in zip(names, outs)
         ]
 
+    def _kind(self, name: str, integer: bool) -> DTypeLike:
+        """The type of an output. Whole states are double: time and positions have more digits than single precision."""
+        return np.int32 if integer else np.float64 if name == "state" else self.dtype
+
     def _compute(
         self, names: list[str], outs: list[NDArray[Any] | None], ids: NDArray[Any] | None
     ) -> list[NDArray[Any]]:
@@ -325,7 +329,7 @@ class Worlds:
                     raise InputError(f"{name} differs in length between worlds: out cannot be given")
                 arrays.append(None)
             elif out is None:
-                arrays.append(np.empty(whole, dtype=np.int32 if integer else self.dtype))
+                arrays.append(np.empty(whole, dtype=self._kind(name, integer)))
             else:
                 kinds = (np.int32,) if integer else (np.float64, np.float32)
                 dims = [("nworld" if ids is None else "ids", nworld), *(("", n) for n in shape)]
@@ -425,7 +429,7 @@ class Worlds:
                 kinds = (np.int32,) if integer else (np.float64, np.float32)
                 recorded[name] = _arrays.target(name, out[name], whole, dims, kinds)
             else:
-                recorded[name] = _reuse.empty(whole, np.int32 if integer else self.dtype)
+                recorded[name] = _reuse.empty(whole, self._kind(name, integer))
         given = list(out.values())
         for i, array in enumerate(given):
             if any(np.may_share_memory(array, other) for other in given[i + 1 :]):
@@ -489,7 +493,9 @@ class Worlds:
     def save_state(self) -> dict[str, NDArray[Any]]:
         """All that is kept of the worlds, bit by bit: a dict of arrays, fit for ``np.savez`` and for `load_state`."""
         names = [*self._kept(), *(_FORCES if self._forced else ()), *self.varying]
-        return {**self.get(names), "status": self._w.statuses()}
+        # In double precision, which holds all digits of time and positions.
+        outs = [np.empty((self._nworld, *(n for _, n in self._row(name)))) for name in names]
+        return {**dict(zip(names, self._read(names, outs))), "status": self._w.statuses()}
 
     def load_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restores what `save_state` returned: stepping goes on with the same bits."""
