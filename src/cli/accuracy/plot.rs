@@ -56,7 +56,12 @@ pub fn scenario(file: &Path, title: &str, rows: &[Row]) -> Result {
             .label(*name)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(RGBColor(200, 200, 200)).draw()?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerLeft)
+        .background_style(WHITE.mix(0.8))
+        .border_style(RGBColor(200, 200, 200))
+        .draw()?;
     Ok(area.present()?)
 }
 
@@ -83,6 +88,7 @@ pub fn summary(file: &Path, lines: &[Line]) -> Result {
         .configure_mesh()
         .x_desc("times less work")
         .y_labels(n + 1)
+        .y_max_light_lines(0)
         .x_label_formatter(&|x| format!("{x}"))
         .y_label_formatter(&label)
         .light_line_style(RGBColor(238, 238, 238))
@@ -100,6 +106,11 @@ pub fn summary(file: &Path, lines: &[Line]) -> Result {
         let colour = *colour;
         chart.draw_series(dots)?.label(*name).legend(move |(x, y)| Circle::new((x + 9, y), 5, colour.filled()));
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(RGBColor(200, 200, 200)).draw()?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerLeft)
+        .background_style(WHITE.mix(0.8))
+        .border_style(RGBColor(200, 200, 200))
+        .draw()?;
     Ok(area.present()?)
 }
