@@ -212,3 +212,24 @@ fn a_standing_quadruped_does_not_drift() {
     let drift = off(&settled[..3], &field(&single, Field::Qpos)[..3]);
     assert!(drift < 1e-5, "{drift:e} m in 1e5 steps");
 }
+
+/// What is welded so stiffly that double precision has to find its acceleration follows a mocap body where that is, not where it was at
+/// first.
+#[test]
+fn stiff_welds_follow_mocap_bodies() {
+    let model = parse(
+        "<mujoco><option gravity='0 0 0'/><worldbody>
+           <body name='hand' mocap='true' pos='0 0 1'><geom size='0.01' contype='0' conaffinity='0'/></body>
+           <body name='held' pos='0 0 1'><freejoint/><geom type='box' size='0.1 0.05 0.02' contype='0' conaffinity='0'/></body>
+         </worldbody><equality><weld body1='hand' body2='held' solref='0.01 1' solimp='0.999 0.9999'/></equality></mujoco>",
+    );
+    let [single, double] = [Precision::F32, Precision::F64].map(|precision| {
+        let mut worlds = worlds(&model, precision);
+        worlds.set(Field::MocapPos, 0, &[0.03, -0.02, 1.05]).expect("a place");
+        worlds.set(Field::MocapQuat, 0, &[0.9987502603949663, 0.0, 0.04997916927067833, 0.0]).expect("a turn");
+        worlds.step(1).expect("a step");
+        field(&worlds, Field::Qvel)
+    });
+    let size = double.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+    assert!(size > 0.1 && off(&single, &double) < 1e-4 * size, "{single:?} {double:?}");
+}

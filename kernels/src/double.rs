@@ -100,6 +100,9 @@ impl Double {
         widen(&state.ctrl, &mut own.ctrl);
         widen(&state.qacc_warmstart, &mut own.qacc_warmstart);
         widen(&state.eq_active, &mut own.eq_active);
+        widen(state.mocap_pos.as_flattened(), own.mocap_pos.as_flattened_mut());
+        widen(state.mocap_quat.as_flattened(), own.mocap_quat.as_flattened_mut());
+        widen(&state.tree_rest, &mut own.tree_rest);
         widen(state.tree_guard.as_flattened(), own.tree_guard.as_flattened_mut());
         if let Some(applied) = given.applied {
             let own = self.applied.get_or_insert_with(|| Applied::new(sizes));
