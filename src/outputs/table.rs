@@ -170,6 +170,7 @@ impl<L: LaneQuery> Table<L> {
         Entry::state(&[Field::MocapPos]),
         Entry::state(&[Field::MocapQuat]),
         Entry::state(&[Field::TreeRest]),
+        Entry::state(&[Field::TreeGuard]),
         Entry::state(&[Field::QfrcApplied]),
         Entry::state(&[Field::XfrcApplied]),
         Entry::new("state", "time, qpos, qvel and act in one row", "", Read::State(&Field::STATE)),

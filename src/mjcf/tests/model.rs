@@ -107,7 +107,7 @@ fn options_and_flags() {
     assert!(!option.flags.gravity && !option.flags.contact && option.flags.energy);
     rejects(
         "<mujoco><option integrator='euler'/></mujoco>",
-        "1: option: attribute \"integrator\": \"euler\" is not one of Euler, RK4, implicit, implicitfast, discrete; did you mean \"Euler\"?",
+        "1: option: attribute \"integrator\": \"euler\" is not one of Euler, RK4, implicit, implicitfast, discrete, midpoint; did you mean \"Euler\"?",
     );
     rejects("<mujoco><option iterations='-1'/></mujoco>", "1: option: attribute \"iterations\": -1 is negative");
 }
