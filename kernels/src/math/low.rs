@@ -1,9 +1,8 @@
 //! Numbers of single precision with a low word: what is beyond their digits, so that a small step far from zero is not lost.
 //!
-//! Of two numbers, what rounding took from their sum is exact if the larger is the first (Dekker, A floating-point technique for extending the
-//! available precision, Numer. Math. 18, 1971); if it is the second, what is lost is beyond the digits of a step as large as the number. A low
-//! word is rounded to a multiple of a unit that a number and its low word share with double precision, so that the two can be told as one
-//! number of double precision, and be had from it again.
+//! What rounding took from a sum is exact whichever of the two numbers is larger (Knuth, The Art of Computer Programming 2, 4.2.2), and so at
+//! most half a unit of the sum's last digit. A low word is rounded to a multiple of a unit that a number and its low word share with double
+//! precision. So the two can be told as one number of double precision, and be had from it again.
 
 use crate::lane::{Lane, Real};
 
@@ -29,7 +28,9 @@ pub fn sum<L: Lane>(a: L, step: L, rest: L) -> [L; 2] {
 #[inline(always)]
 fn rounded<L: Lane>(a: L, b: L) -> [L; 2] {
     let sum = a + b;
-    [sum, b - (sum - a)]
+    let second = sum - a;
+    let first = sum - second;
+    [sum, (a - first) + (b - second)]
 }
 
 /// Low words of time 0 and of positions that are rounded to `U`; none in double precision.
