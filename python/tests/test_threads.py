@@ -355,8 +355,6 @@ height[:, 2] = 0.3
 worlds.qpos = height
 forced = lanesim.Worlds(model, 60_000, threads=2)
 forced.xfrc_applied = np.ones((model.nbody, 6))
-pages = int(open("/proc/self/statm").read().split()[0])
-resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (8 << 20), resource.RLIM_INFINITY))
 tries = {
     "lists": lambda: worlds.get("efc_J"),
     "forces": lambda: worlds.set("xfrc_applied", np.ones((model.nbody, 6))),
@@ -364,6 +362,9 @@ tries = {
     "saved": lambda: [forced.save_state() for _ in range(10)],
 }
 for what, work in tries.items():
+    # Each time anew: what a try has freed may be of use to the next one.
+    pages = int(open("/proc/self/statm").read().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + (8 << 20), resource.RLIM_INFINITY))
     try:
         work()
         print(what, "fine")
