@@ -16,6 +16,11 @@ const SPAN: (f64, usize) = (0.1, 20);
 /// Worlds of the short run's wild batches.
 const FEW_WORLDS: usize = 16;
 
+/// Integrators that MuJoCo has.
+const MUJOCOS: [&str; 5] = ["Euler", "implicitfast", "implicit", "discrete", "RK4"];
+/// Solvers, first the one that is always tried.
+const SOLVERS: [&str; 3] = ["Newton", "CG", "PGS"];
+
 /// What is asked for.
 pub struct Campaign {
     /// The short one.
@@ -98,6 +103,11 @@ impl Engine {
             Engine::MuJoCo => "MuJoCo",
         }
     }
+
+    /// Whether it can step so.
+    pub fn has(self, setting: &Setting) -> bool {
+        self != Engine::MuJoCo || MUJOCOS.contains(&setting.integrator.as_str())
+    }
 }
 
 /// How the runs of a scenario start and are driven, by contact cone.
@@ -116,39 +126,27 @@ impl Campaign {
         ours.chain(mujoco.then_some(Engine::MuJoCo)).collect()
     }
 
-    /// Settings of a scenario for an engine.
-    pub fn settings(&self, scenario: &Scenario, engine: Engine) -> Vec<Setting> {
+    /// Settings of a scenario; not every engine [has](Engine::has) all of them.
+    pub fn settings(&self, scenario: &Scenario) -> Vec<Setting> {
         let timesteps = self.timesteps.clone().unwrap_or_else(|| scenario.timesteps(self.quick));
         let cones: Vec<Option<String>> = match scenario.cones {
             [] => vec![None],
             cones => cones.iter().map(|cone| Some((*cone).to_owned())).collect(),
         };
-        let wanted = |name: &&String| {
-            let known = engine != Engine::MuJoCo || MUJOCOS.contains(&name.as_str());
-            known && (scenario.integrators.is_empty() || scenario.integrators.contains(&name.as_str()))
-        };
-        if !scenario.iterations.is_empty() {
-            let limited = |solver: &str, n: usize| Setting {
-                integrator: "Euler".into(),
-                cone: cones[0].clone(),
-                solver: solver.into(),
-                timestep: timesteps[0],
-                iterations: Some(n),
-            };
-            let solvers = ["Newton", "CG", "PGS"].into_iter();
-            return solvers.flat_map(|solver| scenario.iterations.iter().map(move |n| limited(solver, *n))).collect();
-        }
         let mut all = Vec::new();
-        for cone in &cones {
-            for integrator in self.integrators.iter().filter(wanted) {
-                for solver in ["Newton", "CG", "PGS"] {
-                    let tried = solver == "Newton" || (scenario.solvers && integrator == "implicitfast" && !self.quick);
-                    for timestep in timesteps.iter().filter(|_| tried) {
-                        let (integrator, cone) = (integrator.clone(), cone.clone());
-                        let (solver, timestep) = (solver.into(), *timestep);
-                        all.push(Setting { integrator, cone, solver, timestep, iterations: None });
-                    }
-                }
+        let mut add = |integrator: &str, cone: &Option<String>, solver: &str, timestep, iterations| {
+            let (integrator, cone, solver) = (integrator.to_owned(), cone.clone(), solver.to_owned());
+            all.push(Setting { integrator, cone, solver, timestep, iterations });
+        };
+        for solver in SOLVERS {
+            scenario.iterations.iter().for_each(|n| add("Euler", &cones[0], solver, timesteps[0], Some(*n)));
+        }
+        let tried = |name: &&String| scenario.integrators.is_empty() || scenario.integrators.contains(&name.as_str());
+        let integrators = self.integrators.iter().filter(tried).filter(|_| scenario.iterations.is_empty());
+        for (cone, integrator) in cones.iter().flat_map(|cone| integrators.clone().map(move |name| (cone, name))) {
+            let others = scenario.solvers && integrator == "implicitfast" && !self.quick;
+            for solver in SOLVERS.into_iter().take(if others { SOLVERS.len() } else { 1 }) {
+                timesteps.iter().for_each(|dt| add(integrator, cone, solver, *dt, None));
             }
         }
         all
@@ -163,16 +161,13 @@ impl Campaign {
         let mut rows = Vec::new();
         let engines = self.engines(mujoco.is_some());
         // Engines by turns, so that they share what else the machine does.
-        for setting in self.settings(scenario, engines[0]) {
+        for setting in self.settings(scenario) {
             if !truths.iter().any(|truth| truth.cone == setting.cone) {
                 truths.push(self.truth(scenario, &model, nu, setting.cone.as_deref())?);
             }
             let truth = truths.iter().find(|truth| truth.cone == setting.cone);
             let Some(truth) = truth else { continue };
-            for engine in &engines {
-                if !self.settings(scenario, *engine).contains(&setting) {
-                    continue;
-                }
+            for engine in engines.iter().filter(|engine| engine.has(&setting)) {
                 let job = self.job(scenario, &text, &setting, truth);
                 let outcome = match (engine, mujoco.as_mut()) {
                     (Engine::Ours(precision), _) => ours::run(&job, *precision, &[]).map_err(|e| e.to_string()),
@@ -214,7 +209,7 @@ impl Campaign {
         if let Start::States(from) = scenario.start {
             let samples = found.into_iter().flatten().flat_map(|run| run.samples);
             let starts: Vec<_> = samples.filter(|s| s.time >= from).collect();
-            let setting = &self.settings(scenario, Engine::MuJoCo)[0];
+            let setting = &self.settings(scenario)[0];
             let reference = Some(ours::solved(&scenario.model(), setting, &starts)?);
             return Ok(Truth { cone, starts, controls: Vec::new(), reference, timed });
         }
@@ -254,9 +249,6 @@ impl Campaign {
         }
     }
 }
-
-/// Integrators that MuJoCo has.
-pub const MUJOCOS: [&str; 5] = ["Euler", "implicitfast", "implicit", "discrete", "RK4"];
 
 fn starts(model: &lanesim::Model, scenario: &Scenario, quick: bool) -> Vec<Sample> {
     let rest = Ruler::new(model).rest();

@@ -103,7 +103,10 @@ impl Accuracy {
         let mut mujoco = self.mujoco();
         let campaign = self.campaign();
         let engines = campaign.engines(mujoco.is_some());
-        let runs = |s: &&Scenario| engines.iter().map(|e| campaign.settings(s, *e).len() as u64).sum::<u64>();
+        let runs = |s: &&Scenario| {
+            let settings = campaign.settings(s);
+            engines.iter().map(|e| settings.iter().filter(|s| e.has(s)).count() as u64).sum::<u64>()
+        };
         let progress = Progress::new("accuracy", "runs", chosen.iter().map(runs).sum(), false);
         let tell = || {
             progress.counter().fetch_add(1, std::sync::atomic::Ordering::Relaxed);

@@ -47,8 +47,7 @@ fn identity(worlds: &Worlds, wildness: &Wildness) -> u64 {
             None => {}
         }
     }
-    let (a, b) = text.split_at(text.char_indices().nth(text.chars().count() / 2).map_or(0, |(at, _)| at));
-    u64::from(crc32fast::hash(a.as_bytes())) << 32 | u64::from(crc32fast::hash(b.as_bytes()))
+    u64::from(crc32fast::hash(text.as_bytes())) << 32 | text.len() as u64
 }
 
 fn letters(model: &Model) -> Vec<u32> {
