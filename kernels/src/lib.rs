@@ -12,6 +12,7 @@ pub mod diagnosis;
 pub mod double;
 pub mod drivers;
 pub mod energy;
+pub mod exact;
 pub mod fields;
 pub mod inertia;
 pub mod integration;

@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays
 from ._states import States
-from .errors import InputError
+from .errors import InputError, OptionError
 from .model import Model, check_model
 from .progress import Progress, following
 from .worlds import PRECISIONS
 
 __all__ = ["Acceleration", "Inverse", "Transition", "acceleration_derivatives", "inverse_derivatives", "transition"]
 
+METHODS = ("fd", "exact")
 SOLVING = ("accurate", "fixed_work")
 """How the constraints of states may be solved."""
 
@@ -89,6 +90,7 @@ def transition(
     mocap_pos: ArrayLike | None = None,
     mocap_quat: ArrayLike | None = None,
     eq_active: ArrayLike | None = None,
+    method: str = "fd",
     eps: float | None = None,
     centred: bool = True,
     sensors: bool = False,
@@ -98,13 +100,14 @@ def transition(
     backend: str = "auto",
     progress: Progress = None,
 ) -> Transition:
-    """Derivatives of steps by state and controls, from differences: of one state, of many, or of whole trajectories.
+    """Derivatives of steps by state and controls: of one state, of many, or of whole trajectories.
 
     >>> model = lanesim.Model.from_xml_path("models/zoo/arm.xml")
     >>> A, B, *_ = lanesim.transition(model, qpos, qvel, ctrl=ctrl)     # [nstep, n, n], [nstep, n, nu]
 
-    The same as ``mujoco.mjd_transitionFD`` with the same `eps`, for all integrators. A column's numbers do not depend on what else
-    is asked for.
+    By differences the same as ``mujoco.mjd_transitionFD`` with the same `eps`, for all integrators. A column's numbers do not depend on
+    what else is asked for. Exact derivatives are those of ever smaller differences, and cost far less; not all that a model can have has
+    them, and then an error says what. Where rows begin or cease to act there are two, and theirs are those of the rows that act.
 
     Args:
         model: The model.
@@ -117,6 +120,8 @@ def transition(
         mocap_pos: Positions of mocap bodies, [..., nmocap, 3]; None: as the model has them.
         mocap_quat: Orientations of mocap bodies, [..., nmocap, 4]; None: as the model has them.
         eq_active: Which equality constraints are active, [..., neq], 1 or 0; None: as the model has it.
+        method: "fd": by differences. "exact": exact but for rounding, in double precision; `eps` and `centred` count for nothing, and
+            `sides` is 0.
         eps: How far a number is moved; None: 1e-6, or in single precision 1e-3 (5e-3 if centred).
         centred: Whether it is moved to both sides.
         sensors: Whether derivatives of sensors are wanted.
@@ -129,7 +134,7 @@ def transition(
 
     Raises:
         InputError: Arrays have other shapes, hold numbers that are not finite, or quaternions of length zero.
-        OptionError: `eps` is out of bounds.
+        OptionError: `eps` is out of bounds, or is given where derivatives are exact.
         UnknownNameError: There is no such way of solving, precision or backend.
     """
     others = {
@@ -142,7 +147,7 @@ def transition(
         "mocap_quat": mocap_quat,
         "eq_active": eq_active,
     }
-    how = (eps, centred, sensors, solving, progress)
+    how = (method, eps, centred, sensors, solving, progress)
     A, B, C, D, *marks = _run("transition", model, qpos, others, how, (threads, precision, backend))
     return Transition(A, B, C if sensors else None, D if sensors else None, *marks)
 
@@ -159,6 +164,7 @@ def acceleration_derivatives(
     mocap_pos: ArrayLike | None = None,
     mocap_quat: ArrayLike | None = None,
     eq_active: ArrayLike | None = None,
+    method: str = "fd",
     eps: float | None = None,
     centred: bool = True,
     solving: str = "accurate",
@@ -181,7 +187,7 @@ def acceleration_derivatives(
         "mocap_quat": mocap_quat,
         "eq_active": eq_active,
     }
-    how = (eps, centred, False, solving, progress)
+    how = (method, eps, centred, False, solving, progress)
     return Acceleration(*_run("acceleration", model, qpos, others, how, (threads, precision, backend)))
 
 
@@ -197,6 +203,7 @@ def inverse_derivatives(
     mocap_quat: ArrayLike | None = None,
     eq_active: ArrayLike | None = None,
     discrete: bool | None = None,
+    method: str = "fd",
     eps: float | None = None,
     centred: bool = True,
     threads: int | None = None,
@@ -219,6 +226,8 @@ def inverse_derivatives(
         mocap_quat: Orientations of mocap bodies, [..., nmocap, 4]; None: as the model has them.
         eq_active: Which equality constraints are active, [..., neq], 1 or 0; None: as the model has it.
         discrete: As of `inverse`.
+        method: "fd": by differences. "exact": exact but for rounding, in double precision; `eps` and `centred` count for nothing, and
+            `sides` is 0.
         eps: How far a number is moved; None: 1e-6, or in single precision 1e-3 (5e-3 if centred).
         centred: Whether it is moved to both sides.
         threads: Worker threads; None: as many as there are processors.
@@ -228,7 +237,7 @@ def inverse_derivatives(
 
     Raises:
         InputError: Arrays have other shapes, hold numbers that are not finite, or quaternions of length zero.
-        OptionError: `eps` is out of bounds; `discrete` with the integrator RK4.
+        OptionError: `eps` is out of bounds, or is given where derivatives are exact; `discrete` with the integrator RK4.
     """
     check_model(model)
     if discrete is not None and bool(discrete) != model.opt.flags["invdiscrete"]:
@@ -242,7 +251,7 @@ def inverse_derivatives(
         "mocap_quat": mocap_quat,
         "eq_active": eq_active,
     }
-    how = (eps, centred, False, "fixed_work", progress)
+    how = (method, eps, centred, False, "fixed_work", progress)
     return Inverse(*_run("inverse", model, qpos, others, how, (threads, precision, backend)))
 
 
@@ -251,12 +260,15 @@ def _run(
     model: Model,
     qpos: ArrayLike,
     others: dict[str, ArrayLike | None],
-    how: tuple[float | None, bool, bool, str, Progress],
+    how: tuple[str, float | None, bool, bool, str, Progress],
     choice: tuple[int | None, str, str],
 ) -> list[NDArray[Any]]:
-    """The arrays of derivatives; `how`: eps, centred, sensors, solving and progress; `choice`: threads, precision and backend."""
-    eps, centred, sensors, solving, progress = how
+    """The arrays of derivatives; `how`: method, eps, centred, sensors, solving and progress; `choice`: threads, precision and backend."""
+    method, eps, centred, sensors, solving, progress = how
     check_model(model)
+    exact = _arrays.choice("method", method, METHODS) == "exact"
+    if exact and eps is not None:
+        raise OptionError(f"eps is {eps!r}, and derivatives are exact; leave it out, or take them by differences: method='fd'")
     _arrays.choice("solving", solving, SOLVING)
     _arrays.choice("precision", choice[1], PRECISIONS)
     accurate = solving == "accurate"
@@ -266,7 +278,7 @@ def _run(
     dtype = np.float32 if choice[1] == "f32" else np.float64
     described = compiled.derivatives(of, bool(sensors))
     arrays = [np.empty((count, *dims), np.int32 if integers else dtype) for _, dims, integers in described]
-    scheme = (None if eps is None else _number("eps", eps), bool(centred), bool(sensors))
+    scheme = (exact, None if eps is None else _number("eps", eps), bool(centred), bool(sensors))
     qacc = states.rows.get("qacc")
     with following(progress, count) as follow:
         for worlds, here in states.worlds(*choice):

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Instant;
 
-use lanesim::cloud::{self, Scheme, Solving};
+use lanesim::cloud::{self, Method, Scheme, Solving};
 use lanesim::rows::{Rows, Strided};
 use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Plan, Precision, Reading, Rollout};
 use lanesim_kernels::state::Status;
@@ -334,7 +334,7 @@ impl Worlds {
         py: Python<'_>,
         of: &str,
         qacc: Option<Numbers<'_>>,
-        scheme: (Option<f64>, bool, bool),
+        scheme: (bool, Option<f64>, bool, bool),
         accurate: bool,
         mut targets: Vec<Target<'_>>,
         progress: Option<Py<PyAny>>,
@@ -342,9 +342,10 @@ impl Worlds {
         let rows = targets.iter_mut().map(Target::rows).collect::<PyResult<Vec<_>>>()?;
         let mut held = self.acquire(py)?;
         let State { worlds, clouds: pace, .. } = &mut *held.state;
-        let (eps, centred, sensors) = scheme;
+        let (exact, eps, centred, sensors) = scheme;
+        let method = if exact { Method::Exact } else { Method::Differences };
         let eps = eps.unwrap_or_else(|| Scheme::eps(worlds.options().precision, centred));
-        let scheme = Scheme { eps, centred, sensors };
+        let scheme = Scheme { method, eps, centred, sensors };
         let solving = if accurate { Solving::Accurate } else { Solving::FixedWork };
         let stride = worlds.model().tables().sizes.nv;
         let of = match &qacc {

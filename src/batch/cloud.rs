@@ -6,6 +6,7 @@
 
 mod acting;
 mod end;
+mod exact;
 
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -26,7 +27,7 @@ use self::acting::Acting;
 use self::end::End;
 use super::{Batch, Crew, Job, Worker};
 use crate::block::Block;
-use crate::cloud::request::{Kind, Of, Request, Scheme, Shape};
+use crate::cloud::request::{Kind, Method, Of, Request, Scheme, Shape};
 use crate::options::Tables;
 use crate::plan::Plan;
 use crate::rows::Rows;
@@ -54,6 +55,8 @@ pub(super) struct Cloud<L> {
     tangent: Vec<L>,
     /// The derivatives by a column in each lane.
     slopes: Vec<L>,
+    /// For exact derivatives, from when they are first asked for.
+    exact: Option<Box<exact::Room>>,
 }
 
 /// Places in [`Cloud::ends`].
@@ -72,6 +75,7 @@ impl<L: LaneQuery> Cloud<L> {
             acting: Default::default(),
             tangent: vec![L::zero(); sizes.nv],
             slopes: Vec::new(),
+            exact: None,
         }
     }
 
@@ -210,7 +214,8 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         worker: &mut Worker<L>,
     ) {
         let count = block.ids.len();
-        let share = share(L::WIDTH, count, shape);
+        let exact = request.scheme.method == Method::Exact;
+        let share = if exact { 1 } else { share(L::WIDTH, count, shape) };
         let worlds = L::WIDTH / share;
         let mut cloud = worker.cloud.take().unwrap_or_else(|| Box::new(Cloud::new(&self.tables)));
         for first in (0..count).step_by(worlds) {
@@ -241,15 +246,11 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         // A rotation by no quaternion has no neighbours.
         let nowhere = events.lanes(Status::QUAT_ZERO);
         let alive = self.end_of(work, None, alive & !bad & !nowhere, 0.0, (cloud, worker), &mut events);
-        // Columns start from what constraints add to the nominal acceleration.
-        let Cloud { block, nominal, .. } = &mut *cloud;
-        nominal.qacc_warmstart.copy_from_slice(&block.state.qacc_warmstart);
-        for kind in work.shape.kinds() {
-            let count = work.shape.columns(*kind).0;
-            for first in (0..count).step_by(work.share) {
-                let columns = work.columns(first, count);
-                self.columns_of(work, (*kind, &columns), alive, rows, (cloud, worker), &mut events);
-            }
+        if work.request.scheme.method == Method::Exact {
+            cloud.rewind();
+            cloud.exact(self.model.tables(), (work, alive), &worker.workspace, rows);
+        } else {
+            self.all_columns(work, alive, rows, (cloud, worker), &mut events);
         }
         for (i, id) in work.ids.iter().enumerate() {
             let lanes = i * work.share..(i + 1) * work.share;
@@ -257,6 +258,27 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
             work.shape.note(rows, *id, Status(status));
             if alive >> lanes.start & 1 == 0 {
                 work.shape.lose(rows, *id, Status(status));
+            }
+        }
+    }
+
+    /// Derivatives by all columns, kind after kind.
+    fn all_columns(
+        &self,
+        work: &Work<'_>,
+        alive: u32,
+        rows: &mut [Rows<'_>],
+        (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
+        events: &mut BlockStatus,
+    ) {
+        // Columns start from what constraints add to the nominal acceleration.
+        let Cloud { block, nominal, .. } = &mut *cloud;
+        nominal.qacc_warmstart.copy_from_slice(&block.state.qacc_warmstart);
+        for kind in work.shape.kinds() {
+            let count = work.shape.columns(*kind).0;
+            for first in (0..count).step_by(work.share) {
+                let columns = work.columns(first, count);
+                self.columns_of(work, (*kind, &columns), alive, rows, (cloud, worker), events);
             }
         }
     }

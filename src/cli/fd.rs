@@ -13,6 +13,7 @@ use super::{ModelArgs, RunArgs, memory};
 const EXAMPLES: &str = "\
 Examples:
   lanesim fd ant.xml --states motion.npz --centred -o derivatives.npz
+  lanesim fd ant.xml --states motion.npz --method exact -o derivatives.npz
   lanesim fd ant.xml --states motion.npz --eps 1e-5 --sensors --option integrator=implicitfast -o derivatives.npz
 
 motion.npz holds qpos [N, nq] and qvel [N, nv], and may hold time [N], act [N, na], ctrl [N, nu], qfrc_applied [N, nv], xfrc_applied
@@ -21,7 +22,8 @@ motion.npz holds qpos [N, nq] and qvel [N, nv], and may hold time [N], act [N, n
   A       [N, n, n]   of the next state by the state, as MuJoCo's mjd_transitionFD
   B       [N, n, nu]  of the next state by controls
   C, D                of sensors, likewise: [N, nsensordata, n] and [N, nsensordata, nu]
-  sides   [N, n + nu] how each column was perturbed: 2 to both sides, 1 forward, -1 backward (a control at a limit), 0 not at all
+  sides   [N, n + nu] how each column was perturbed: 2 to both sides, 1 forward, -1 backward (a control at a limit), 0 not at all,
+                      as where derivatives are exact
   changed [N, n + nu] how many limits and contacts push beside the state and not in it, or the other way round
   status  [N]         bits of what happened to the states; where there are no derivatives they are NaN";
 
@@ -58,6 +60,8 @@ pub struct Fd {
 enum Method {
     /// Finite differences
     Fd,
+    /// The derivative of what a step computes, exact but for rounding
+    Exact,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -71,7 +75,14 @@ enum How {
 impl Fd {
     /// Checks everything, then computes, then writes.
     pub fn run(self) -> Result<(), Failure> {
-        let Method::Fd = self.method;
+        let method = match self.method {
+            Method::Fd => cloud::Method::Differences,
+            Method::Exact => cloud::Method::Exact,
+        };
+        let only = [("--eps", self.eps.is_some()), ("--centred", self.centred)];
+        if let (Method::Exact, Some((option, _))) = (self.method, only.iter().find(|(_, given)| *given)) {
+            return Err(Failure::Usage(format!("{option} is of differences; leave it out, or the method exact")));
+        }
         self.output.check([&self.model.model, &self.states.states])?;
         let Loaded { model, .. } = engine::load(&self.model)?;
         output::losses(&model);
@@ -79,7 +90,7 @@ impl Fd {
         let (count, inputs) = self.states.read(&model, &known)?;
         let options = self.run.options(None);
         let eps = self.eps.unwrap_or_else(|| Scheme::eps(options.precision, self.centred));
-        let scheme = Scheme { eps, centred: self.centred, sensors: self.sensors };
+        let scheme = Scheme { method, eps, centred: self.centred, sensors: self.sensors };
         let arrays = Target::Transition.arrays(&model, self.sensors);
         let width = arrays.iter().map(|(_, dims, _)| dims.iter().product::<usize>()).sum();
         memory::check("the derivatives", &[count, width, size_of::<f64>()], self.run.max_memory)?;

@@ -5,11 +5,12 @@ pub(crate) mod request;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use lanesim_kernels::exact;
 use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Joint, JointKind};
 use lanesim_kernels::options::{self, Solver};
 
-pub use self::request::Scheme;
+pub use self::request::{Method, Scheme};
 use self::request::{Of, Request, Shape};
 use crate::error::Error;
 use crate::field::Field;
@@ -187,6 +188,10 @@ impl Worlds {
         (progress, cancel): (Option<&AtomicU64>, Option<&AtomicBool>),
     ) -> Result<(), Error> {
         scheme.check(self.options.precision)?;
+        if scheme.method == Method::Exact {
+            let missing = exact::missing(self.model.tables(), target.of() == Of::Transition);
+            missing.map_or(Ok(()), |missing| Err(Error::Input(missing)))?;
+        }
         let (nworld, nv) = (self.nworld(), self.model.tables().sizes.nv);
         let qacc = if let Target::Inverse(qacc) = target { Some(qacc) } else { None };
         if let Some(qacc) = qacc {

@@ -9,9 +9,22 @@ use crate::model::Model;
 use crate::options::Precision;
 use crate::rows::{Rows, Strided};
 
+/// By what derivatives are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Differences of evaluations beside the state.
+    #[default]
+    Differences,
+    /// The derivative of what an evaluation computes, exact but for rounding. Double precision, and not for all that a model can have (see
+    /// [`lanesim_kernels::exact::missing`]).
+    Exact,
+}
+
 /// How derivatives are taken: by which differences, and of what.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scheme {
+    /// By what. `eps` and `centred` are of differences alone.
+    pub method: Method,
     /// How far a number of the state is moved: m, rad, and so on.
     pub eps: f64,
     /// Whether it is moved to both sides, which costs twice as much and is exact to second order.
@@ -22,7 +35,7 @@ pub struct Scheme {
 
 impl Default for Scheme {
     fn default() -> Self {
-        Scheme { eps: Scheme::eps(Precision::F64, true), centred: true, sensors: false }
+        Scheme { method: Method::Differences, eps: Scheme::eps(Precision::F64, true), centred: true, sensors: false }
     }
 }
 
@@ -73,6 +86,17 @@ impl Scheme {
 
     /// An error if nothing can follow from it.
     pub(super) fn check(&self, precision: Precision) -> Result<(), Error> {
+        if self.method == Method::Exact {
+            return match (precision, self.sensors) {
+                (Precision::F32, _) => {
+                    Err(Error::Options("exact derivatives are of double precision; ask for precision f64".into()))
+                }
+                (_, true) => Err(Error::Options(
+                    "sensors have no exact derivatives yet; take them by differences, or leave them out".into(),
+                )),
+                _ => Ok(()),
+            };
+        }
         let least = if precision == Precision::F32 { 1e-5 } else { 1e-12 };
         if self.eps >= least && self.eps <= 1.0 {
             return Ok(());

@@ -13,7 +13,7 @@ use crate::math::vec3::{Mat3, Vec3, add as sum, cross, dot, mul, mul_t, scale, s
 use crate::model::{DofKind, Model, NONE};
 
 /// Where it goes, and scratch (see [`Derivative`](super::Derivative)).
-pub struct Target<'a, L> {
+pub(super) struct Target<'a, L> {
     pub lower: &'a mut [L],
     pub upper: &'a mut [L],
     pub turn: &'a mut [Spatial<L>],
@@ -21,7 +21,7 @@ pub struct Target<'a, L> {
 }
 
 /// Adds h times the derivative to a tree's rows of the matrix.
-pub fn add<L: Lane>(
+pub(super) fn add<L: Lane>(
     model: &Model<L::Real>,
     tree: &Tree,
     qvel: &[L],
@@ -66,7 +66,7 @@ pub fn add<L: Lane>(
 }
 
 /// (v₋ + v₊) × s of a link's dofs. Translations of a free joint do not turn.
-fn turns<L: Lane>(
+pub fn turns<L: Lane>(
     model: &Model<L::Real>,
     dofs: std::ops::Range<usize>,
     mut before: Spatial<L>,
@@ -93,7 +93,7 @@ fn turns<L: Lane>(
 
 /// T and p of a link of velocity (ω; u) and inertia (J, h, m): T a = ω × J a - J (ω × a) - u × (h × a) - h × (u × a) + a × (J ω + h × u),
 /// p = m u - h × ω.
-fn gained<L: Lane>(inertia: &Inertia10<L>, v: &Spatial<L>) -> [L; 12] {
+pub fn gained<L: Lane>(inertia: &Inertia10<L>, v: &Spatial<L>) -> [L; 12] {
     let momentum = inertia_mul(inertia, v);
     let (w, u, h, l) = (rot(v), lin(v), [inertia[6], inertia[7], inertia[8]], rot(&momentum));
     let [xx, yy, zz, xy, xz, yz, ..] = *inertia;

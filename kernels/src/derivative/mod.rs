@@ -4,7 +4,7 @@
 //! bodies that carry no joint have the latter in either case: their spin is what makes Euler's step unstable.
 
 mod actuators;
-mod bias;
+pub(crate) mod bias;
 mod discrete;
 mod fitted;
 
@@ -214,6 +214,17 @@ pub fn factor<L: Lane>(model: &Model<L::Real>, derivative: &mut Derivative<L>) {
             lu::factor(&model.rows, &model.tree_pattern, dofs, lower, upper, inverse);
         } else {
             ldl::factor_rows(&model.rows, &model.tree_pattern, dofs, lower, inverse, multipliers);
+        }
+    }
+}
+
+/// Makes the factors' entries above the diagonal known in all trees: where the matrix is symmetric they are those below.
+pub fn complete<L: Lane>(model: &Model<L::Real>, derivative: &mut Derivative<L>) {
+    let Derivative { lower, upper, .. } = derivative;
+    for dof in trees(model).filter(|tree| !tree.skew).flat_map(|tree| tree.dofs) {
+        let row = model.rows.row(dof);
+        if let Some(upper) = upper.get_mut(row.clone()) {
+            upper.copy_from_slice(&lower[row]);
         }
     }
 }

@@ -10,9 +10,11 @@
 
 mod functions;
 mod scalar;
+mod tangent;
 mod wide;
 
 pub use functions::{acos, atan2, exp, log, powf, sin_cos};
+pub use tangent::Tangent;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};

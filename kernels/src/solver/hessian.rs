@@ -60,7 +60,7 @@ pub fn curve<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
 
 /// K times a column of components.
 #[inline(always)]
-pub(super) fn times<L: Lane>(k: &Stiffness<L>, column: &[L]) -> [L; 6] {
+pub fn times<L: Lane>(k: &Stiffness<L>, column: &[L]) -> [L; 6] {
     let mut out = [L::zero(); 6];
     match k {
         Stiffness::Arrow(normal, side, cross) => {

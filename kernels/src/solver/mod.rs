@@ -6,13 +6,13 @@
 
 mod anderson;
 mod cg;
-mod cone;
+pub mod cone;
 pub mod contact;
 mod dual;
 pub mod edges;
 mod equality;
 mod fill;
-mod hessian;
+pub(crate) mod hessian;
 mod inverse;
 pub mod joints;
 mod line;

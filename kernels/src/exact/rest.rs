@@ -1,0 +1,257 @@
+//! All other forces over dual numbers: springs, dampers, tendons, media, actuators, limits, dry friction, equality constraints.
+//!
+//! Where every force acts on one joint by what is known of that joint alone, one evaluation has the derivatives by all joints at once: each is read
+//! from its own joint's forces. Else there is one evaluation for each column, and rigid bodies' forces are taken from it as well.
+
+use super::contacts::EDGE;
+use super::missing::is_local;
+use crate::constraint::DofRowKind;
+use crate::derivative;
+use crate::lane::{Lane, Mask, Tangent};
+use crate::math::{ldl, quat};
+use crate::model::{Instance, JointKind, Model, Varied};
+use crate::options::Integrator;
+use crate::passive::damper_slope;
+use crate::state::{Applied, State};
+use crate::workspace::Workspace;
+use crate::{acceleration, actuation, constraint, inertia, integration, passive, position, solver, tendon, velocity};
+
+/// What is evaluated anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Anew {
+    Position,
+    Velocity,
+    Input,
+    Acceleration,
+}
+
+/// What an evaluation finds, as rates.
+#[derive(Clone, Debug)]
+pub(super) struct Found<L> {
+    /// M a + c - other forces - Jᵀf, but for contacts; without rigid bodies' where forces are local.
+    pub residual: Vec<L>,
+    /// (M - h D) a⁺ - M a, of an implicit step with the acceleration a⁺; likewise.
+    pub excess: Vec<L>,
+    /// Activations after the step.
+    pub act: Vec<L>,
+}
+
+/// Everything over dual numbers.
+#[derive(Clone, Debug)]
+pub(super) struct Rest<L> {
+    pub local: bool,
+    /// Whether actuators count.
+    pub driven: bool,
+    pub state: State<Tangent<L>>,
+    applied: Option<Applied<Tangent<L>>>,
+    varied: Option<Varied<Tangent<L>>>,
+    pub ws: Workspace<Tangent<L>>,
+    qacc: Vec<Tangent<L>>,
+    /// The acceleration over an implicit step.
+    pub over: Vec<Tangent<L>>,
+    scratch: Vec<Tangent<L>>,
+    act: Vec<Tangent<L>>,
+    pub found: Found<L>,
+}
+
+impl<L: Lane> Rest<L> {
+    pub fn new(model: &Model<L::Real>) -> Self {
+        let (nv, na, zero) = (model.sizes.nv, model.sizes.na, Tangent::zero());
+        Rest {
+            local: is_local(model),
+            driven: true,
+            state: State::new(&model.sizes),
+            applied: None,
+            varied: None,
+            ws: Workspace::without_groups(model),
+            qacc: vec![zero; nv],
+            over: vec![zero; nv],
+            scratch: vec![zero; nv],
+            act: vec![zero; na],
+            found: Found { residual: vec![L::zero(); nv], excess: vec![L::zero(); nv], act: vec![L::zero(); na] },
+        }
+    }
+
+    /// Takes over a state and what comes from outside, at rest.
+    pub fn load(&mut self, model: Instance<'_, L>, state: &State<L>, applied: Option<&Applied<L>>, qacc: &[L]) {
+        let still =
+            |from: &[L], to: &mut [Tangent<L>]| to.iter_mut().zip(from).for_each(|(to, x)| *to = Tangent::still(*x));
+        (0..State::<L>::COUNT).for_each(|n| still(state.field(n), self.state.field_mut(n)));
+        self.applied = applied.map(|applied| {
+            let mut own = Applied::new(&model.sizes);
+            (0..Applied::<L>::COUNT).for_each(|n| still(applied.field(n), own.field_mut(n)));
+            own
+        });
+        self.varied = model.varied.map(|varied| {
+            let mut own = Varied::new(model.model, varied.set());
+            varied.set().iter().for_each(|quantity| still(varied.lanes(quantity), own.lanes_mut(quantity)));
+            own
+        });
+        still(qacc, &mut self.qacc);
+    }
+
+    /// The model as the worlds have it.
+    pub fn instance<'a>(&'a self, model: &'a Model<L::Real>) -> Instance<'a, Tangent<L>> {
+        Instance { model, varied: self.varied.as_ref() }
+    }
+
+    /// Moves position `dof` by the dual unit.
+    pub fn move_position(&mut self, model: &Model<L::Real>, dof: usize) {
+        let joint = &model.joints[model.dofs[dof].joint as usize];
+        let (at, k) = (joint.qpos as usize, dof - joint.dof as usize);
+        let turned = match joint.kind {
+            JointKind::Free if k >= 3 => Some((at + 3, k - 3)),
+            JointKind::Ball => Some((at, k)),
+            _ => None,
+        };
+        let qpos = &mut self.state.qpos;
+        let Some((at, axis)) = turned else {
+            qpos[at + k].rate = L::one();
+            return;
+        };
+        let q: [L; 4] = std::array::from_fn(|i| qpos[at + i].value);
+        let mut half = [L::zero(); 4];
+        half[1 + axis] = L::of(0.5);
+        quat::mul(&q, &half).into_iter().zip(&mut qpos[at..]).for_each(|(rate, q)| q.rate += rate);
+    }
+
+    /// Puts everything back to rest.
+    pub fn rest(&mut self) {
+        let State { qpos, qvel, act, ctrl, .. } = &mut self.state;
+        for x in [qpos, qvel, act, ctrl, &mut self.qacc].into_iter().flatten() {
+            x.rate = L::zero();
+        }
+    }
+
+    /// Moves an acceleration by the dual unit.
+    pub fn move_acceleration(&mut self, dof: usize) {
+        self.qacc[dof].rate = L::one();
+    }
+
+    /// How many rows on joints and tendons, as they were last evaluated, are within [`EDGE`] of where they begin or cease to act, or to slide.
+    pub fn edges(&self, model: &Model<L::Real>) -> L {
+        let Workspace { constraint, solver, .. } = &self.ws;
+        let mut count = L::zero();
+        for (law, y) in constraint.dof_laws().zip(&solver.jp.dof) {
+            let (d, reference, mut far) = (law.d().value, law.reference().value, y.value);
+            let size = (y.value - reference).abs() + reference.abs();
+            if law.row.kind == DofRowKind::Friction {
+                far =
+                    y.value.abs() - solver::joints::bound(model, &law).value / L::select(d.gt(L::zero()), d, L::one());
+            }
+            let there = far.abs().le(L::of(EDGE) * size) & d.gt(L::zero());
+            count += L::select(there, L::one(), L::zero());
+        }
+        count
+    }
+
+    /// Evaluates all that may have changed.
+    pub fn evaluate(&mut self, model: &Model<L::Real>, from: Anew) {
+        let Rest { local, driven, state, applied, varied, ws, qacc, over, scratch, act, found } = self;
+        let model = Instance { model, varied: varied.as_ref() };
+        let rigid = !*local;
+        smooth(model, state, applied.as_ref(), (rigid, from), ws);
+        let everywhere = L::Mask::splat(true);
+        let Workspace {
+            position,
+            tendons,
+            inertia,
+            velocity,
+            passive,
+            actuation,
+            acceleration,
+            derivative,
+            constraint,
+            solver,
+            ..
+        } = ws;
+        if !constraint.dof_rows.is_empty() {
+            let measured = constraint::Measured { qpos: &state.qpos, qvel: &state.qvel, tendons };
+            constraint::dof_lanes(model, measured, everywhere, constraint);
+            constraint.joint_lanes = u32::MAX;
+        }
+        if !model.equalities.is_empty() {
+            let motion = constraint::Motion { position, velocity, tendons, qvel: &state.qvel };
+            let read = ((&*state).into(), &state.eq_active[..]);
+            constraint::equality_rows(model, motion, read, everywhere, &mut constraint.equality);
+            constraint.equality.lanes = u32::MAX;
+        }
+        let mean_inertia = model.mean_inertia();
+        let problem =
+            solver::Problem { model: model.model, mean_inertia, position, tendons, inertia, acceleration, constraint };
+        solver::force_at(&problem, qacc, solver);
+        let multiply = |x: &[Tangent<L>], y: &mut [Tangent<L>]| {
+            ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, x, y);
+        };
+        if rigid {
+            multiply(qacc, scratch);
+        }
+        for (i, out) in found.residual.iter_mut().enumerate() {
+            let actuated = if model.features.actuation { actuation.qfrc_actuator[i].rate } else { L::zero() };
+            let passive = if model.features.passive() { passive.qfrc_passive[i].rate } else { L::zero() };
+            let forces = if !rigid {
+                passive + if *driven { actuated } else { L::zero() }
+            } else {
+                let smooth = acceleration.qfrc_smooth[i].rate - scratch[i].rate;
+                if *driven { smooth } else { smooth - actuated }
+            };
+            *out = -(forces + solver.fields.qfrc_constraint[i].rate);
+        }
+        let h = Tangent::of(model.options.timestep);
+        if super::is_implicit(model.model) {
+            for (i, out) in found.excess.iter_mut().enumerate() {
+                *out = if rigid { -scratch[i].rate } else { L::zero() };
+            }
+            if model.options.integrator == Integrator::Euler {
+                if rigid {
+                    multiply(over, scratch);
+                } else {
+                    scratch.fill(Tangent::zero());
+                }
+                for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
+                    scratch[i] = (h * damper_slope(model, i, state.qvel[i])).mul_add(over[i], scratch[i]);
+                }
+            } else {
+                let stages = derivative::Stages { position, tendons, inertia, velocity, actuation };
+                derivative::implicit(model, state, stages, derivative);
+                derivative::multiply(&model, derivative, over, scratch);
+            }
+            found.excess.iter_mut().zip(scratch).for_each(|(out, x)| *out += x.rate);
+        }
+        integration::activations(&model, &state.act, &actuation.act_dot, act);
+        found.act.iter_mut().zip(act).for_each(|(out, x)| *out = x.rate);
+    }
+}
+
+/// The smooth stages that may have changed; those of rigid bodies if `rigid`, else once and for all at rest.
+fn smooth<L: Lane>(
+    model: Instance<'_, Tangent<L>>,
+    state: &State<Tangent<L>>,
+    applied: Option<&Applied<Tangent<L>>>,
+    (rigid, from): (bool, Anew),
+    ws: &mut Workspace<Tangent<L>>,
+) {
+    let Workspace { position, tendons, inertia, velocity, passive, actuation, acceleration, .. } = ws;
+    if rigid && from <= Anew::Position {
+        position::kinematics(model, state.into(), position);
+    }
+    if rigid && from <= Anew::Velocity {
+        if !model.tendons.is_empty() {
+            tendon::tendons(&model, position, &state.qpos, &state.qvel, tendons);
+        }
+        if from <= Anew::Position {
+            inertia::crb(model, position, tendons, inertia);
+        }
+        velocity::rne(model, (position, tendons, inertia), &state.qvel, velocity);
+    }
+    if from <= Anew::Velocity && model.features.passive() {
+        let stages = passive::Stages { position, tendons, velocity };
+        passive::passive(model, stages, &state.qpos, &state.qvel, passive);
+    }
+    if from <= Anew::Input && !model.actuators.is_empty() {
+        actuation::actuation(model, state, (position, tendons, passive), actuation);
+    }
+    if rigid && from <= Anew::Input {
+        acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
+    }
+}

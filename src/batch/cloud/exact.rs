@@ -1,0 +1,124 @@
+//! Exact derivatives: of every world around its nominal state, eight worlds side by side in double precision.
+
+use lanesim_kernels::exact::{self, Exact, Given, STRIP};
+use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::model::{Instance, Model as KernelModel, Varied};
+use lanesim_kernels::state::{Applied, State};
+use lanesim_kernels::workspace::Workspace;
+use wide::f64x8;
+
+use super::{Cloud, Work};
+use crate::block::Block;
+use crate::cloud::request::Of;
+use crate::convex::SupportCollider;
+use crate::rows::Rows;
+
+/// Worlds side by side.
+const WIDTH: usize = f64x8::WIDTH;
+
+/// What a thread has for exact derivatives.
+#[derive(Debug)]
+pub(super) struct Room {
+    exact: Exact<f64x8>,
+    state: State<f64x8>,
+    applied: Option<Applied<f64x8>>,
+    varied: Option<Varied<f64x8>>,
+    qacc: Vec<f64x8>,
+    /// Some columns, world by world.
+    numbers: [Vec<f64>; WIDTH],
+}
+
+impl Room {
+    fn new(model: &KernelModel<f64>) -> Self {
+        let zero = f64x8::from([0.0; WIDTH]);
+        Room {
+            exact: Exact::new(model),
+            state: State::new(&model.sizes),
+            applied: None,
+            varied: None,
+            qacc: vec![zero; model.sizes.nv],
+            numbers: std::array::from_fn(|_| vec![0.0; STRIP * (2 * model.sizes.nv + model.sizes.na)]),
+        }
+    }
+
+    /// Takes over the worlds in the lanes from `first` on; places that are left repeat the last.
+    fn gather<L: LaneQuery>(
+        &mut self,
+        model: &KernelModel<f64>,
+        (first, last): (usize, usize),
+        (block, qacc): (&Block<L>, &[L]),
+    ) {
+        let widen = |from: &[L], to: &mut [f64x8]| {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = f64x8::from(std::array::from_fn(|place| from.get((first + place).min(last)).to_f64()));
+            }
+        };
+        (0..State::<L>::COUNT).for_each(|n| widen(block.state.field(n), self.state.field_mut(n)));
+        widen(qacc, &mut self.qacc);
+        self.applied = block.applied.as_ref().map(|applied| {
+            let mut own = Applied::new(&model.sizes);
+            (0..Applied::<L>::COUNT).for_each(|n| widen(applied.field(n), own.field_mut(n)));
+            own
+        });
+        self.varied = block.varied.as_ref().map(|varied| {
+            let mut own = Varied::new(model, varied.set());
+            varied.set().iter().for_each(|quantity| widen(varied.lanes(quantity), own.lanes_mut(quantity)));
+            own
+        });
+    }
+}
+
+impl<L: LaneQuery> Cloud<L> {
+    /// Writes the derivatives of the worlds in the lanes of `alive`, which were evaluated: `workspace` has what was found, and `self` the
+    /// accelerations that were given.
+    pub(super) fn exact(
+        &mut self,
+        model: &KernelModel<f64>,
+        (work, alive): (&Work<'_>, u32),
+        workspace: &Workspace<L>,
+        rows: &mut [Rows<'_>],
+    ) {
+        let (of, inverse) = match work.request.of {
+            Of::Inverse => (exact::Of::Inverse, true),
+            Of::Acceleration => (exact::Of::Acceleration, false),
+            Of::Transition => (exact::Of::Transition, false),
+        };
+        let qacc = if inverse { &self.given } else { &workspace.solver.fields.qacc };
+        let room = self.exact.get_or_insert_with(|| Box::new(Room::new(model)));
+        let count = work.ids.len();
+        for first in (0..count).step_by(WIDTH) {
+            room.gather(model, (first, count - 1), (&self.block, qacc));
+            let Room { exact, state, applied, varied, qacc, numbers } = &mut **room;
+            let collision = &workspace.collision;
+            let given = Given {
+                state,
+                applied: applied.as_ref().filter(|_| !inverse),
+                qacc,
+                near: if collision.slots.is_empty() { &[] } else { &collision.near },
+                slots: &collision.slots,
+                convex: &SupportCollider,
+            };
+            let instance = Instance { model, varied: varied.as_ref() };
+            exact.differentiate(of, instance, &given, &mut |column, columns, strip| {
+                // World by world, from lane by lane.
+                for (n, lanes) in strip.iter().flatten().enumerate() {
+                    let entries = lanes.to_array();
+                    numbers.iter_mut().zip(entries).for_each(|(numbers, x)| numbers[n] = x + 0.0);
+                }
+                for (place, (id, numbers)) in work.ids[first..].iter().zip(&*numbers).enumerate() {
+                    if alive >> (first + place) & 1 != 0 {
+                        work.shape.write(rows, (*id, column), columns, |row, i| numbers[STRIP * row + i]);
+                    }
+                }
+            });
+            let edges = exact.edges(model);
+            for (place, id) in work.ids[first..].iter().take(WIDTH).enumerate() {
+                if alive >> (first + place) & 1 == 0 {
+                    continue;
+                }
+                let edges = edges.get(place) as u32;
+                (0..work.shape.all()).for_each(|column| work.shape.mark(rows, *id, column, [false; 2], edges));
+            }
+        }
+    }
+}
