@@ -1,6 +1,12 @@
 //! Clouds: many states around one, side by side in the lanes, and the derivatives that follow from where they go.
 
+mod grid;
+mod hessian;
+mod parameters;
+mod points;
 pub(crate) mod request;
+mod smoothing;
+pub(crate) mod visit;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -9,8 +15,14 @@ use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Joint, JointKind};
 use lanesim_kernels::options::{self, Solver};
 
+pub use self::grid::Grid;
+pub use self::hessian::{Costs, Seen, hessian};
+pub use self::parameters::{ByParameter, Numbers};
+pub use self::points::{Found, How};
 pub use self::request::Scheme;
 use self::request::{Of, Request, Shape};
+pub use self::smoothing::Smoothing;
+pub use self::visit::Points;
 use crate::error::Error;
 use crate::field::Field;
 use crate::inverse;
