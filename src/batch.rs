@@ -15,6 +15,7 @@ use lanesim_kernels::workspace::Workspace;
 
 use crate::block::Block;
 use crate::cloud::request::Request;
+use crate::cloud::visit::Visit;
 use crate::error::Error;
 use crate::field::{Field, Home};
 use crate::group;
@@ -54,6 +55,7 @@ pub(crate) trait Engine: Send {
     fn rollout(&mut self, rollout: &Rollout<'_>, rows: Vec<Rows<'_>>) -> Trajectories;
     fn inverse(&mut self, qacc: &Strided<'_>, rows: Rows<'_>, cancel: Option<&AtomicBool>);
     fn cloud(&mut self, request: &Request<'_>, rows: Vec<Rows<'_>>);
+    fn points(&mut self, visit: &Visit<'_>, rows: Vec<Rows<'_>>);
     /// Does `work` on an engine that has only these worlds, in this order, and puts them back where they were.
     fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error>;
     fn vary(&mut self, set: Quantities) -> Result<(), Error>;
@@ -273,6 +275,10 @@ impl<L: LaneQuery<Real: Tables>> Engine for Batch<L> {
 
     fn cloud(&mut self, request: &Request<'_>, rows: Vec<Rows<'_>>) {
         self.cloud(request, rows);
+    }
+
+    fn points(&mut self, visit: &Visit<'_>, rows: Vec<Rows<'_>>) {
+        self.visit(visit, rows);
     }
 
     fn among(&mut self, ids: &[usize], work: &mut dyn FnMut(&mut dyn Engine)) -> Result<(), Error> {

@@ -170,6 +170,16 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Writes `count` numbers from entry `at` on.
+    pub(crate) fn fill(&mut self, at: usize, count: usize, numbers: impl Iterator<Item = f64>) {
+        match self {
+            Rows::F64(x) => x[at..at + count].iter_mut().zip(numbers).for_each(|(to, x)| *to = x),
+            Rows::F32(x) => x[at..at + count].iter_mut().zip(numbers).for_each(|(to, x)| *to = x as f32),
+            Rows::I32(x) => x[at..at + count].iter_mut().zip(numbers).for_each(|(to, x)| *to = x as i32),
+            Rows::Lists(_) => {}
+        }
+    }
+
     /// Writes numbers from entry `at` on, or the list of row `at`.
     pub(crate) fn write(&mut self, at: usize, values: &[f64]) {
         match self {

@@ -120,9 +120,20 @@ impl<'a> States<'a> {
         &self,
         model: &Model,
         options: &Options,
+        work: impl FnMut(&mut Worlds, Range<usize>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        self.each_of(model, options, MOST, work)
+    }
+
+    /// The same with so many worlds at most at once.
+    pub fn each_of(
+        &self,
+        model: &Model,
+        options: &Options,
+        most: usize,
         mut work: impl FnMut(&mut Worlds, Range<usize>) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let mut worlds = Worlds::new(model, self.count.min(MOST), options)?;
+        let mut worlds = Worlds::new(model, self.count.min(most), options)?;
         let mut first = 0;
         while first < self.count {
             if worlds.nworld() > self.count - first {

@@ -11,13 +11,15 @@
 `Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model:
 ``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
 `rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion, `transition` the derivatives
-of steps, `acceleration_derivatives` and `inverse_derivatives` those of either. `OUTPUTS` describes every quantity that ``Worlds.get`` and
-``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector
-environment.
+of steps, `acceleration_derivatives` and `inverse_derivatives` those of either, `hessian` second ones of costs,
+`parameter_derivatives` those by masses, frictions and the like, `smoothed` means over noise. `OUTPUTS` describes every quantity that
+``Worlds.get`` and ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a
+vector environment.
 """
 
 from . import _lanesim
 from ._lanesim import __version__
+from .clouds import Hessian, ParameterDerivatives, Smoothed, hessian, parameter_derivatives, smoothed
 from .derivatives import Transition, acceleration_derivatives, inverse_derivatives, transition
 from .errors import (
     Diagnostic,
@@ -46,6 +48,7 @@ __all__ = [
     "Diagnostic",
     "DivergedError",
     "Element",
+    "Hessian",
     "InputError",
     "Integrator",
     "Key",
@@ -57,8 +60,10 @@ __all__ = [
     "OptionError",
     "Options",
     "PARAMETERS",
+    "ParameterDerivatives",
     "Report",
     "Rollout",
+    "Smoothed",
     "Solver",
     "Spec",
     "Status",
@@ -70,9 +75,12 @@ __all__ = [
     "Worlds",
     "__version__",
     "acceleration_derivatives",
+    "hessian",
     "inverse",
     "inverse_derivatives",
+    "parameter_derivatives",
     "rollout",
     "shutdown_persistent_pool",
+    "smoothed",
     "transition",
 ]

@@ -57,6 +57,35 @@ class Pool:
     def threads(self) -> int: ...
 
 @final
+class Cloud:
+    @staticmethod
+    def differences(
+        model: Model,
+        of: str,
+        columns: list[int] | None,
+        scheme: tuple[float | None, bool, bool],
+        single: bool,
+    ) -> Cloud: ...
+    @staticmethod
+    def noise(model: Model, of: str, scales: list[float], pairs: int, seed: int) -> Cloud: ...
+    @staticmethod
+    def parts(
+        model: Model, of: str, sensors: bool, tangent: bool
+    ) -> tuple[list[tuple[str, int]], list[tuple[str, int]], int]: ...
+    def __len__(self) -> int: ...
+    def columns(self) -> NDArray[np.intp]: ...
+    def moved(self) -> NDArray[np.bool_]: ...
+    def differentiate(
+        self,
+        values: NDArray[np.float64],
+        sides: NDArray[np.float64],
+        gradient: NDArray[np.float64],
+        hessian: NDArray[np.float64] | None,
+    ) -> None: ...
+    def fit(
+        self, values: NDArray[np.float64], mean: NDArray[np.float64], gradient: NDArray[np.float64]
+    ) -> None: ...
+
 class Worlds:
     def __new__(cls, model: Model, nworld: int, choice: dict[str, Any], pool: Pool | None = None) -> Self: ...
     def engine(self) -> tuple[int, int, str, int, int]: ...
@@ -89,6 +118,24 @@ class Worlds:
         targets: Sequence[NDArray[Any]],
         progress: Callable[[int], object] | None,
     ) -> None: ...
+    def points(
+        self,
+        of: str,
+        qacc: NDArray[Any] | None,
+        cloud: Cloud,
+        how: tuple[bool, bool, bool],
+        targets: Sequence[NDArray[Any]],
+        progress: Callable[[int], object] | None,
+    ) -> None: ...
+    def by_parameter(
+        self,
+        of: str,
+        qacc: NDArray[Any] | None,
+        name: str,
+        entries: list[int],
+        eps: float,
+        how: tuple[bool, bool],
+    ) -> list[NDArray[np.float64]]: ...
     def run(
         self,
         nstep: int,

@@ -59,16 +59,19 @@ class States:
                 return [("", int(dim)) if dim.isdigit() else (dim, getattr(self.model, dim)) for dim in dims]
         return [("nv", self.model.nv)]
 
-    def worlds(self, threads: int | None, precision: str, backend: str) -> Iterator[tuple[Worlds, slice]]:
-        """Worlds in these states, and which states they are. Rows that are no part of a state are left out."""
+    def worlds(
+        self, threads: int | None, precision: str, backend: str, most: int = _MOST
+    ) -> Iterator[tuple[Worlds, slice]]:
+        """Worlds in these states, so many at most at once, and which states they are. Rows that are no part of a state are left out."""
         fields = [name for name, _, _ in _lanesim.FIELDS if name in self.rows and self.rows[name].size]
-        for first in range(0, self.count, _MOST):
-            here = slice(first, min(first + _MOST, self.count))
+        for first in range(0, self.count, most):
+            here = slice(first, min(first + most, self.count))
             worlds = _take(self.model, here.stop - first, (threads, precision, backend))
             for name in fields:
                 worlds.set(name, self.rows[name][here])
             yield worlds, here
-            _kept.worlds = worlds
+            # Parameters stay through resets.
+            _kept.worlds = None if worlds._w.varying() else worlds
 
 
 def _take(model: Model, nworld: int, choice: tuple[int | None, str, str]) -> Worlds:

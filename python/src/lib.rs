@@ -4,6 +4,7 @@
 //! `python/lanesim/`.
 
 mod arrays;
+mod cloud;
 mod failure;
 mod home;
 mod model;
@@ -18,6 +19,8 @@ use pyo3::prelude::*;
 mod _lanesim {
     #[pymodule_export]
     use super::arrays::{check_finite, or_list};
+    #[pymodule_export]
+    use super::cloud::Cloud;
     #[pymodule_export]
     use super::model::Model;
     #[pymodule_export]

@@ -5,16 +5,16 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use lanesim::Diagnostics;
-use lanesim::cloud::{self, Target};
+use lanesim::cloud;
 use lanesim::mjcf::{self, Asset, Document, Include, LoadOptions};
 use lanesim::model::{ArrayData, Names};
-use lanesim::rows::{Strided, Values};
 use lanesim::spec::Spec;
 use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 
 use crate::arrays::Numbers;
+use crate::cloud::target;
 use crate::failure::{self, raise, rejected};
 use crate::home::Home;
 use crate::watch::abandonable;
@@ -22,7 +22,7 @@ use crate::watch::abandonable;
 /// A compiled model; immutable.
 #[pyclass(frozen, module = "lanesim._lanesim")]
 pub struct Model {
-    model: lanesim::Model,
+    pub(crate) model: lanesim::Model,
     home: Home,
     /// The same compiled anew in a forked process.
     anew: Mutex<Option<(Home, lanesim::Model)>>,
@@ -177,13 +177,7 @@ impl Model {
 
     /// Arrays of derivatives of `of`, "transition", "acceleration" or "inverse": name, a world's dimensions, and whether it is of integers.
     fn derivatives(&self, of: &str, sensors: bool) -> Vec<(&'static str, Vec<usize>, bool)> {
-        let none = Strided { values: Values::F64(&[]), offset: 0, stride: 0 };
-        let target = match of {
-            "acceleration" => Target::Acceleration,
-            "inverse" => Target::Inverse(none),
-            _ => Target::Transition,
-        };
-        target.arrays(&self.model, sensors)
+        target(of, None, 0).arrays(&self.model, sensors)
     }
 
     #[getter]

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Instant;
 
-use lanesim::cloud::{self, Method, Scheme, Solving};
+use lanesim::cloud::{self, Found, How, Method, Scheme, Solving};
 use lanesim::rows::{Rows, Strided};
 use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Plan, Precision, Reading, Rollout};
 use lanesim_kernels::state::Status;
@@ -15,6 +15,7 @@ use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
 
 use crate::arrays::{Numbers, Target};
+use crate::cloud::{Cloud, target};
 use crate::failure::{self, raise};
 use crate::home::{AtHome, Home};
 use crate::model::Model;
@@ -348,11 +349,7 @@ impl Worlds {
         let scheme = Scheme { method, eps, centred, sensors };
         let solving = if accurate { Solving::Accurate } else { Solving::FixedWork };
         let stride = worlds.model().tables().sizes.nv;
-        let of = match &qacc {
-            Some(qacc) => cloud::Target::Inverse(Strided { values: qacc.values()?, offset: 0, stride }),
-            None if of == "acceleration" => cloud::Target::Acceleration,
-            None => cloud::Target::Transition,
-        };
+        let of = target(of, qacc.as_ref().map(Numbers::values).transpose()?, stride);
         let (cancel, done, amount) = (AtomicBool::new(false), AtomicU64::new(0), worlds.nworld() as f64);
         let start = Instant::now();
         let short = pace.is_short(amount);
@@ -362,6 +359,78 @@ impl Worlds {
         result.map_err(|e| raise(py, e))?;
         pace.learn(start.elapsed().as_secs_f64(), amount);
         Ok(())
+    }
+
+    /// Writes what follows from the points of a cloud around the worlds' states, of "transition", "acceleration" or, for these accelerations,
+    /// "inverse"; `how`: whether sensors, and next positions as differences, are wanted, and whether the model is an accurate one.
+    #[pyo3(signature = (of, qacc, cloud, how, targets, progress))]
+    #[expect(clippy::too_many_arguments, reason = "as many as the Python side has to say")]
+    fn points(
+        &self,
+        py: Python<'_>,
+        of: &str,
+        qacc: Option<Numbers<'_>>,
+        cloud: &Cloud,
+        how: (bool, bool, bool),
+        mut targets: [Target<'_>; 5],
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let [after, before, changed, sides, status] = &mut targets;
+        let found = Found {
+            after: after.rows()?,
+            before: before.rows()?,
+            changed: changed.rows()?,
+            sides: sides.rows()?,
+            status: status.rows()?,
+        };
+        let mut held = self.acquire(py)?;
+        let State { worlds, clouds: pace, .. } = &mut *held.state;
+        let (sensors, tangent, accurate) = how;
+        let solving = if accurate { Solving::Accurate } else { Solving::FixedWork };
+        let how = How { solving, sensors, tangent, reach: cloud.reach, whole: false };
+        let qacc = qacc.as_ref().map(Numbers::values).transpose()?;
+        let target = target(of, qacc, worlds.model().tables().sizes.nv);
+        let (cancel, done) = (AtomicBool::new(false), AtomicU64::new(0));
+        // As of derivatives, which are by columns to both sides.
+        let columns = target.columns(worlds.model()).max(1);
+        let amount = worlds.nworld() as f64 * (cloud.points.len() as f64 / (2 * columns) as f64);
+        let start = Instant::now();
+        let short = pace.is_short(amount);
+        let work = || worlds.points_into(&target, &cloud.points, &how, found, (Some(&done), Some(&cancel)));
+        let result =
+            if short { py.detach(work) } else { watched(py, &cancel, |py| follow(py, &progress, &done), work)? };
+        result.map_err(|e| raise(py, e))?;
+        pace.learn(start.elapsed().as_secs_f64(), amount);
+        Ok(())
+    }
+
+    /// Derivatives of "transition", "acceleration" or, for these accelerations, "inverse" by numbers of a parameter: slopes, how they were
+    /// moved, and what happened.
+    #[pyo3(signature = (of, qacc, name, entries, eps, how))]
+    #[expect(clippy::too_many_arguments, reason = "as many as the Python side has to say")]
+    fn by_parameter<'py>(
+        &self,
+        py: Python<'py>,
+        of: &str,
+        qacc: Option<Numbers<'py>>,
+        name: &str,
+        entries: Vec<usize>,
+        eps: f64,
+        how: (bool, bool),
+    ) -> PyResult<[Bound<'py, PyArray1<f64>>; 3]> {
+        let parameter = Parameter::named(name).map_err(|e| raise(py, e))?;
+        let mut held = self.acquire(py)?;
+        let worlds = &mut held.state.worlds;
+        let (sensors, accurate) = how;
+        let solving = if accurate { Solving::Accurate } else { Solving::FixedWork };
+        let how = How { solving, sensors, ..How::default() };
+        let qacc = qacc.as_ref().map(Numbers::values).transpose()?;
+        let target = target(of, qacc, worlds.model().tables().sizes.nv);
+        let numbers = cloud::Numbers { parameter, entries: &entries, eps };
+        let cancel = AtomicBool::new(false);
+        let work = || worlds.by_parameter(&target, &numbers, &how, Some(&cancel));
+        let found = watched(py, &cancel, |_| Ok(()), work)?.map_err(|e| raise(py, e))?;
+        Ok([found.slopes, found.sides, found.status].map(|numbers| numbers.into_pyarray(py)))
     }
 
     /// Takes all worlds through `nstep` steps, or those whose numbers are `ids`. `controls`: the array and its strides from

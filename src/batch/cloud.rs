@@ -7,6 +7,7 @@
 mod acting;
 mod end;
 mod exact;
+mod points;
 
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -172,12 +173,10 @@ fn sides<T: Real>(actuator: &Actuator<T>, control: f64, eps: f64) -> [bool; 2] {
     [inside(control) && inside(control + eps), inside(control) && inside(control - eps)]
 }
 
-/// Lanes for each of `count` worlds, such that the fewest evaluations are needed; of equal ones the most, where lanes have most in common.
-fn share(width: usize, count: usize, shape: &Shape) -> usize {
-    let rounds = |share: usize| {
-        let columns = shape.kinds().iter().map(|kind| shape.columns(*kind).0.div_ceil(share)).sum::<usize>();
-        (1 + 2 * columns) * count.div_ceil(width / share)
-    };
+/// Lanes for each of `count` worlds, such that the fewest evaluations are needed, of which a world takes `evaluations` when it has so many
+/// lanes; of equal ones the most, where lanes have most in common.
+fn share(width: usize, count: usize, evaluations: impl Fn(usize) -> usize) -> usize {
+    let rounds = |share: usize| evaluations(share) * count.div_ceil(width / share);
     let shares = std::iter::successors(Some(width), |share| (share % 2 == 0).then_some(share / 2));
     shares.min_by_key(|share| rounds(*share)).unwrap_or(1)
 }
@@ -214,8 +213,11 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         worker: &mut Worker<L>,
     ) {
         let count = block.ids.len();
-        let exact = request.scheme.method == Method::Exact;
-        let share = if exact { 1 } else { share(L::WIDTH, count, shape) };
+        let columns = |share| shape.kinds().iter().map(|kind| shape.columns(*kind).0.div_ceil(share)).sum::<usize>();
+        let share = match request.scheme.method {
+            Method::Exact => 1,
+            Method::Differences => share(L::WIDTH, count, |share| 1 + 2 * columns(share)),
+        };
         let worlds = L::WIDTH / share;
         let mut cloud = worker.cloud.take().unwrap_or_else(|| Box::new(Cloud::new(&self.tables)));
         for first in (0..count).step_by(worlds) {
@@ -238,14 +240,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
     ) {
         let mut events = BlockStatus { alive, ..BlockStatus::default() };
-        cloud.rewind();
-        let Block { state, applied, .. } = &cloud.block;
-        let bad = diagnosis::inspect(&self.tables, state, applied.as_deref(), &mut events);
-        bad.iter().for_each(|(status, lanes)| events.record(*status, *lanes));
-        let bad = bad.iter().fold(0, |bad, (_, lanes)| bad | lanes);
-        // A rotation by no quaternion has no neighbours.
-        let nowhere = events.lanes(Status::QUAT_ZERO);
-        let alive = self.end_of(work, None, alive & !bad & !nowhere, 0.0, (cloud, worker), &mut events);
+        let alive = self.nominal_of(work, alive, (cloud, worker), &mut events);
         if work.request.scheme.method == Method::Exact {
             cloud.rewind();
             cloud.exact(self.model.tables(), (work, alive), &worker.workspace, rows);
@@ -271,9 +266,6 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
         events: &mut BlockStatus,
     ) {
-        // Columns start from what constraints add to the nominal acceleration.
-        let Cloud { block, nominal, .. } = &mut *cloud;
-        nominal.qacc_warmstart.copy_from_slice(&block.state.qacc_warmstart);
         for kind in work.shape.kinds() {
             let count = work.shape.columns(*kind).0;
             for first in (0..count).step_by(work.share) {
@@ -281,6 +273,28 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                 self.columns_of(work, (*kind, &columns), alive, rows, (cloud, worker), events);
             }
         }
+    }
+
+    /// Evaluates the nominal states in the lanes of `alive`. Returns those in which something followed.
+    fn nominal_of(
+        &self,
+        work: &Work<'_>,
+        alive: u32,
+        (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
+        events: &mut BlockStatus,
+    ) -> u32 {
+        cloud.rewind();
+        let Block { state, applied, .. } = &cloud.block;
+        let bad = diagnosis::inspect(&self.tables, state, applied.as_deref(), events);
+        bad.iter().for_each(|(status, lanes)| events.record(*status, *lanes));
+        let bad = bad.iter().fold(0, |bad, (_, lanes)| bad | lanes);
+        // A rotation by no quaternion has no neighbours.
+        let nowhere = events.lanes(Status::QUAT_ZERO);
+        let alive = self.end_of(work, None, alive & !bad & !nowhere, 0.0, (cloud, worker), events);
+        // Columns start from what constraints add to the nominal acceleration.
+        let Cloud { block, nominal, .. } = &mut *cloud;
+        nominal.qacc_warmstart.copy_from_slice(&block.state.qacc_warmstart);
+        alive
     }
 
     /// Derivatives by one column of a kind in each lane.
@@ -351,32 +365,46 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
         events: &mut BlockStatus,
     ) -> u32 {
-        let Worker { workspace, code, inverse, .. } = worker;
-        let inverse = inverse.get_or_insert_with(|| Inverse::new(&self.tables.sizes));
+        let inverse = worker.inverse.get_or_insert_with(|| Inverse::new(&self.tables.sizes));
         cloud.rewind();
         inverse.given.copy_from_slice(&cloud.given);
         if let Some((kind, columns, _)) = of {
             cloud.perturb(&self.tables, (kind, columns), eps, &mut inverse.given);
         }
+        self.evaluate(work.request, of.map(|(kind, _, end)| (kind, end)), alive, (cloud, worker), events)
+    }
+
+    /// Evaluates the states of the block in the lanes of `alive`: nominal ones, or those beside them that a kind of columns leads to, and
+    /// keeps what follows. Returns the lanes in which something did.
+    fn evaluate(
+        &self,
+        request: &Request<'_>,
+        of: Option<(Kind, usize)>,
+        alive: u32,
+        (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
+        events: &mut BlockStatus,
+    ) -> u32 {
+        let Worker { workspace, code, inverse, .. } = worker;
+        let inverse = inverse.get_or_insert_with(|| Inverse::new(&self.tables.sizes));
         let Cloud { block: Block { state, applied, varied, .. }, ends, acting, .. } = cloud;
-        let start = of.map_or(Some(Start::Position), |(kind, ..)| start(kind, work.request.of, &self.tables));
-        let sensors = work.request.scheme.sensors && work.request.of == Of::Transition;
-        let mut plan = if work.request.of == Of::Inverse { Plan::inverse() } else { Plan::step(&[]) };
+        let start = of.map_or(Some(Start::Position), |(kind, _)| start(kind, request.of, &self.tables));
+        let sensors = request.scheme.sensors && request.of == Of::Transition;
+        let mut plan = if request.of == Of::Inverse { Plan::inverse() } else { Plan::step(&[]) };
         if sensors {
             plan.stages = plan.stages | Stages::up_to(Stage::Sensor);
         }
         // Accelerations are those of states; a midpoint step is evaluated when it advances.
-        if work.request.of != Of::Transition || self.tables.options.integrator == Integrator::Midpoint {
+        if request.of != Of::Transition || self.tables.options.integrator == Integrator::Midpoint {
             plan.stages = plan.stages.without(Stage::Integration);
         }
         plan.stages = start.map_or(Stages::NONE, |start| start.within(plan.stages, &self.tables));
         // Columns read what the nominal evaluation leaves.
-        plan.derived = sensors || of.is_none() || work.request.of == Of::Inverse;
+        plan.derived = sensors || of.is_none() || request.of == Of::Inverse;
         let mut status = BlockStatus { alive, ..BlockStatus::default() };
         let mut run = self.run(&plan, (applied.as_deref(), varied.as_deref()), code.as_mut());
-        let end = &mut ends[of.map_or(NOMINAL, |(.., end)| end)];
+        let end = &mut ends[of.map_or(NOMINAL, |(_, end)| end)];
         let acting = &mut acting[usize::from(of.is_some())];
-        if work.request.of == Of::Inverse {
+        if request.of == Of::Inverse {
             let over_step = self.tables.options.flags.invdiscrete;
             inverse::again(&self.tables, state, over_step, &mut run, &mut status, (workspace, inverse));
             acting.observe(&self.tables, workspace);
@@ -384,7 +412,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         } else {
             let solved = pipeline::forward(&self.tables, state, &mut run, &mut status, workspace);
             acting.observe(&self.tables, workspace);
-            if work.request.of == Of::Acceleration {
+            if request.of == Of::Acceleration {
                 status.record(Status::NOT_CONVERGED, solved.unfinished);
                 status.alive &= solved.lanes;
                 let (qacc, smooth) = (&workspace.solver.fields.qacc, &workspace.acceleration.qacc_smooth);
@@ -398,7 +426,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
             }
         }
         events.events.iter_mut().zip(status.events).for_each(|(all, lanes)| *all |= lanes & alive);
-        let unfinished = if work.request.strict { status.lanes(Status::NOT_CONVERGED) } else { 0 };
+        let unfinished = if request.strict { status.lanes(Status::NOT_CONVERGED) } else { 0 };
         status.alive & !unfinished
     }
 }

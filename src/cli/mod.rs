@@ -8,6 +8,7 @@ mod arrays;
 mod bench;
 mod check;
 mod clock;
+mod clouds;
 mod destination;
 mod engine;
 mod eval;
@@ -17,6 +18,7 @@ mod info;
 mod inverse;
 mod measure;
 mod memory;
+mod mujoco;
 mod output;
 mod rollout;
 mod states;
@@ -61,6 +63,8 @@ enum Command {
     Rollout(rollout::Rollout),
     /// Measure speed, and the error that comes with it
     Bench(bench::Bench),
+    /// Measure clouds of states and their derivatives as in MuJoCo's paper of 2012
+    BenchClouds(clouds::BenchClouds),
     /// Measure error against run time over scenarios, beside MuJoCo
     Accuracy(accuracy::Accuracy),
     /// Count the worlds that are lost, by time step, severity and integrator
@@ -229,6 +233,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Check(c) => c.run(),
         Command::Rollout(c) => c.run(),
         Command::Bench(c) => c.run(),
+        Command::BenchClouds(c) => c.run(),
         Command::Accuracy(c) => c.run(),
         Command::Stress(c) => c.run(),
         Command::Eval(c) => c.run(),

@@ -1,6 +1,12 @@
 //! Clouds: many states around one, side by side in the lanes, and the derivatives that follow from where they go.
 
+mod grid;
+mod hessian;
+mod parameters;
+mod points;
 pub(crate) mod request;
+mod smoothing;
+pub(crate) mod visit;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -10,8 +16,14 @@ use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Joint, JointKind};
 use lanesim_kernels::options::{self, Solver};
 
+pub use self::grid::Grid;
+pub use self::hessian::{Costs, Seen, hessian};
+pub use self::parameters::{ByParameter, Numbers};
+pub use self::points::{Found, How};
 pub use self::request::{Method, Scheme};
 use self::request::{Of, Request, Shape};
+pub use self::smoothing::Smoothing;
+pub use self::visit::Points;
 use crate::error::Error;
 use crate::field::Field;
 use crate::inverse;
@@ -45,10 +57,11 @@ pub struct Transition {
     /// Of sensors by controls, `[nworld, nsensordata, nu]`; empty unless they are wanted.
     pub d: Vec<f64>,
     /// How each column of A, then of B, was perturbed, `[nworld, n + nu]`: 2 to both sides, 1 forward, -1 backward, as controls at a limit are,
-    /// 0 not at all: the control's range is too narrow, or it is outside, and its column is zero.
+    /// 0 not at all: the control's range is too narrow, or it is outside, and its column is zero; or derivatives are exact.
     pub sides: Vec<f64>,
     /// How many limits and contacts push beside the state, on either side, that do not push in it, or the other way round, by columns
-    /// likewise: where there are some, the difference goes across a kink.
+    /// likewise: where there are some, the difference goes across a kink. Of exact derivatives, how many rows are within a millionth of where they begin
+    /// or cease to act, or to slide.
     pub changed: Vec<f64>,
     /// Bits of [`Status`](crate::status::Status): what happened to the states, `[nworld]`.
     pub status: Vec<f64>,

@@ -51,7 +51,7 @@ pub(crate) enum Of {
 }
 
 /// Columns that a cloud goes through together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Position,
     Velocity,

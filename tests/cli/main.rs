@@ -1,6 +1,7 @@
 //! The command line as users meet it: files, exit statuses, messages.
 
 mod accuracy;
+mod clouds;
 mod files;
 mod names;
 

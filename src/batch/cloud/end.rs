@@ -20,6 +20,11 @@ impl<L> Default for End<L> {
 }
 
 impl<L: LaneQuery> End<L> {
+    /// All numbers: positions, then everything else.
+    pub fn numbers(&self) -> [&[L]; 2] {
+        [&self.qpos, &self.values]
+    }
+
     /// Keeps positions, if there are any, and everything else.
     pub fn keep(&mut self, qpos: &[L], values: [&[L]; 3]) {
         self.qpos.clear();
