@@ -3,6 +3,7 @@
 mod accuracy;
 mod files;
 mod names;
+mod optimise;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
