@@ -16,7 +16,10 @@ fn model(xml: &str) -> Model {
     Model::from_xml_string(xml, &Default::default()).expect("a model")
 }
 
-fn terms(list: &[(&str, &[f64], f64, f64)]) -> Vec<Term> {
+/// Terms: what, its goal, weights along the way and at the end.
+type Weights<'a> = &'a [(&'a str, &'a [f64], f64, f64)];
+
+fn terms(list: Weights<'_>) -> Vec<Term> {
     list.iter()
         .map(|(what, goal, running, terminal)| Term::new(what, goal, *running, *terminal).expect("a term"))
         .collect()
@@ -218,7 +221,7 @@ fn methods_agree() {
       </body></worldbody><actuator><motor joint='elbow'/></actuator></mujoco>";
     let swing = &[("qpos", &[][..], 3.0, 50.0), ("qvel", &[], 0.2, 5.0), ("ctrl", &[], 0.1, 0.0)];
     let bend = &[("qpos:elbow", &[1.5][..], 1.0, 100.0), ("qvel", &[], 0.1, 1.0), ("ctrl", &[], 0.5, 0.0)];
-    let cases: [(&str, &[(&str, &[f64], f64, f64)], f64); 4] =
+    let cases: [(&str, Weights<'_>, f64); 4] =
         [(CARTS, swing, 1e-6), (&half, swing, 1e-5), (arm, bend, 1e-4), (&bounded, swing, 5e-3)];
     for (xml, cost, tolerance) in cases {
         let model = model(xml);

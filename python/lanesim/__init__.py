@@ -11,7 +11,8 @@
 `Model` compiles MJCF, and takes over ``mujoco.MjSpec`` and ``mujoco.MjModel``. `Worlds` holds many worlds of a model:
 ``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
 `rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion, `transition` the derivatives
-of steps, `acceleration_derivatives` and `inverse_derivatives` those of either. `OUTPUTS` describes every quantity that ``Worlds.get`` and
+of steps, `acceleration_derivatives` and `inverse_derivatives` those of either; `optimise` searches the controls of
+an optimal motion. `OUTPUTS` describes every quantity that ``Worlds.get`` and
 ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector
 environment.
 """
@@ -33,6 +34,7 @@ from .errors import (
 )
 from .inverse import inverse
 from .model import Cone, Integrator, Key, Model, Options, Report, Solver
+from .optimise import TASKS, Motion, Term, optimise
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
 from .status import Status, StatusEvent
@@ -53,6 +55,7 @@ __all__ = [
     "LossWarning",
     "Model",
     "ModelError",
+    "Motion",
     "OUTPUTS",
     "OptionError",
     "Options",
@@ -63,6 +66,8 @@ __all__ = [
     "Spec",
     "Status",
     "StatusEvent",
+    "TASKS",
+    "Term",
     "Transition",
     "UnknownNameError",
     "UnsupportedError",
@@ -72,6 +77,7 @@ __all__ = [
     "acceleration_derivatives",
     "inverse",
     "inverse_derivatives",
+    "optimise",
     "rollout",
     "shutdown_persistent_pool",
     "transition",

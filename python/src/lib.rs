@@ -7,6 +7,7 @@ mod arrays;
 mod failure;
 mod home;
 mod model;
+mod optimise;
 mod watch;
 mod worlds;
 
@@ -20,6 +21,8 @@ mod _lanesim {
     use super::arrays::{check_finite, or_list};
     #[pymodule_export]
     use super::model::Model;
+    #[pymodule_export]
+    use super::optimise::{optimise, tasks};
     #[pymodule_export]
     use super::worlds::{Pool, Worlds};
     use super::{Bound, PyArrayMethods, PyModule, PyModuleMethods, PyResult};
