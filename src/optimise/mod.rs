@@ -6,7 +6,7 @@
 //! use lanesim::Model;
 //! use lanesim::optimise::{Problem, Settings, Term, optimise};
 //!
-//! let xml = "<mujoco><option timestep='0.02'/><worldbody><body><joint name='x' type='slide'/><geom size='.1' mass='1'/></body></worldbody>
+//! let xml = "<mujoco><option timestep='0.02'/><worldbody><body><joint name='x' type='slide' axis='1 0 0'/><geom size='.1' mass='1'/></body></worldbody>
 //!     <actuator><motor joint='x' ctrlrange='-5 5'/></actuator></mujoco>";
 //! let model = Model::from_xml_string(xml, &Default::default())?;
 //! // One metre within a second, and stand still there.
