@@ -45,6 +45,8 @@
 //! | give worlds masses, gains or friction of their own | [`Parameter`], [`Worlds::set_parameter`] |
 //! | record what steps compute, by MuJoCo's names | [`outputs`] |
 //! | evaluate many states once | [`mod@eval`] |
+//! | take derivatives of steps, of accelerations, of inverse dynamics | [`cloud`] |
+//! | search the controls of an optimal motion | [`mod@optimise`] |
 
 mod batch;
 mod block;
@@ -65,6 +67,7 @@ pub mod model;
 mod native;
 pub mod noise;
 pub mod npz;
+pub mod optimise;
 mod options;
 pub mod outputs;
 mod pace;

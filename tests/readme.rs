@@ -48,7 +48,7 @@ fn every_shell_command_of_the_readme_runs() {
         script += &line.replace("cargo run --release --", "target/release/lanesim");
         script += "\n";
     }
-    for command in ["check", "info", "rollout", "eval", "inverse", "bench", "stress"] {
+    for command in ["check", "info", "rollout", "eval", "inverse", "bench", "stress", "fd", "optimise"] {
         assert!(script.contains(&format!("lanesim {command} ")), "the README does not show {command}");
     }
     let out = Command::new("sh").arg("-c").arg(&script).current_dir(&folder).output().unwrap();

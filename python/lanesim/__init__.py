@@ -12,9 +12,9 @@
 ``step``, ``rollout``, ``get``, ``set``, ``set_state`` and ``reset`` act on all of them, or on those that ``ids`` names.
 `rollout` has the shapes of ``mujoco.rollout``; `inverse` finds the forces behind a motion, `transition` the derivatives
 of steps, `acceleration_derivatives` and `inverse_derivatives` those of either, `hessian` second ones of costs,
-`parameter_derivatives` those by masses, frictions and the like, `smoothed` means over noise. `OUTPUTS` describes every quantity that
-``Worlds.get`` and ``rollout(outputs=...)`` know, `PARAMETERS` what ``Worlds.set`` can make differ between worlds. `lanesim.gym` has a
-vector environment.
+`parameter_derivatives` those by masses, frictions and the like, `smoothed` means over noise; `optimise` searches the controls of
+an optimal motion. `OUTPUTS` describes every quantity that ``Worlds.get`` and ``rollout(outputs=...)`` know, `PARAMETERS` what
+``Worlds.set`` can make differ between worlds. `lanesim.gym` has a vector environment.
 """
 
 from . import _lanesim
@@ -35,6 +35,7 @@ from .errors import (
 )
 from .inverse import inverse
 from .model import Cone, Integrator, Key, Model, Options, Report, Solver
+from .optimise import TASKS, Motion, Term, optimise
 from .rollout import Rollout, rollout, shutdown_persistent_pool
 from .spec import Element, Spec
 from .status import Status, StatusEvent
@@ -56,6 +57,7 @@ __all__ = [
     "LossWarning",
     "Model",
     "ModelError",
+    "Motion",
     "OUTPUTS",
     "OptionError",
     "Options",
@@ -68,6 +70,8 @@ __all__ = [
     "Spec",
     "Status",
     "StatusEvent",
+    "TASKS",
+    "Term",
     "Transition",
     "UnknownNameError",
     "UnsupportedError",
@@ -78,6 +82,7 @@ __all__ = [
     "hessian",
     "inverse",
     "inverse_derivatives",
+    "optimise",
     "parameter_derivatives",
     "rollout",
     "shutdown_persistent_pool",

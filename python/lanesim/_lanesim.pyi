@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-__all__ = ["FIELDS", "Model", "OUTPUTS", "PARAMETERS", "Pool", "STATUS", "Worlds", "__version__", "check_finite", "or_list"]
+__all__ = ["FIELDS", "Model", "OUTPUTS", "PARAMETERS", "Pool", "STATUS", "Worlds", "__version__", "check_finite", "optimise", "or_list", "tasks"]
 
 __version__: str
 STATUS: list[tuple[str, int]]
@@ -21,6 +21,17 @@ _Overrides = Sequence[tuple[str, str]]
 
 def check_finite(name: str, array: NDArray[Any]) -> None: ...
 def or_list(name: str, known: Sequence[str]) -> str: ...
+def tasks() -> list[tuple[str, str, float, int]]: ...
+def optimise(
+    task: str | None,
+    seconds: float | None,
+    model: Model | None,
+    terms: Sequence[tuple[str, list[float], float, float, float | None]],
+    steps: int,
+    start: Sequence[list[float] | None],
+    how: tuple[str, int | None, float, float | None, int | None],
+    progress: Callable[[int], object] | None,
+) -> dict[str, Any]: ...
 @final
 class Model:
     @staticmethod

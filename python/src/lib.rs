@@ -8,6 +8,7 @@ mod cloud;
 mod failure;
 mod home;
 mod model;
+mod optimise;
 mod watch;
 mod worlds;
 
@@ -23,6 +24,8 @@ mod _lanesim {
     use super::cloud::Cloud;
     #[pymodule_export]
     use super::model::Model;
+    #[pymodule_export]
+    use super::optimise::{optimise, tasks};
     #[pymodule_export]
     use super::worlds::{Pool, Worlds};
     use super::{Bound, PyArrayMethods, PyModule, PyModuleMethods, PyResult};

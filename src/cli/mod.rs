@@ -19,6 +19,7 @@ mod inverse;
 mod measure;
 mod memory;
 mod mujoco;
+mod optimise;
 mod output;
 mod rollout;
 mod states;
@@ -41,6 +42,7 @@ Examples:
   lanesim eval models/zoo/ant.xml --input states.npz --output fields.npz --outputs qM,qacc
   lanesim inverse models/zoo/ant.xml --states motion.npz -o forces.npz
   lanesim fd models/zoo/ant.xml --states motion.npz --centred -o derivatives.npz
+  lanesim optimise cartpole -o swing-up
   lanesim bench models/zoo/humanoid18.xml --worlds 4096 --steps 100 --precision f32
 
 Exit status: 0 success, 1 the model or an input was rejected, 2 the command line is wrong.";
@@ -75,6 +77,8 @@ enum Command {
     Inverse(inverse::Inverse),
     /// Compute the derivatives of steps by state and controls
     Fd(fd::Fd),
+    /// Search the controls of an optimal motion
+    Optimise(optimise::Optimise),
 }
 
 /// Which model, and how it is read.
@@ -239,6 +243,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Eval(c) => c.run(),
         Command::Inverse(c) => c.run(),
         Command::Fd(c) => c.run(),
+        Command::Optimise(c) => c.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,6 +4,7 @@ mod accuracy;
 mod clouds;
 mod files;
 mod names;
+mod optimise;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
