@@ -180,6 +180,18 @@ fn a_pendulum_has_the_derivative_of_its_formula() {
 }
 
 #[test]
+fn a_ball_at_its_springs_rest_has_the_springs_stiffness() {
+    let xml = "<mujoco><option timestep='.01' gravity='0 0 0'/><worldbody><body><joint type='ball' stiffness='3'/>
+        <inertial pos='0 0 0' mass='2' diaginertia='.1 .2 .3'/></body></worldbody></mujoco>";
+    let model = Model::from_xml_string(xml, &Default::default()).expect("a model");
+    let found = Worlds::new(&model, 1, &Options::default()).expect("a batch").transition(&EXACT).expect("derivatives");
+    for (i, inertia) in [0.1, 0.2, 0.3].into_iter().enumerate() {
+        let slope = found.a[6 * (3 + i) + i];
+        assert!((slope + 0.01 * 3.0 / inertia).abs() < 1e-14, "{slope}");
+    }
+}
+
+#[test]
 fn the_same_bits_whatever_is_beside() {
     for name in ["zoo/ant", "zoo/four_bar", "zoo/box_stack"] {
         let model = accurate(&load_with(name, &[("integrator", "implicitfast")])).expect("a model");

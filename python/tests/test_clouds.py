@@ -6,6 +6,8 @@ import lanesim
 import numpy as np
 import pytest
 
+from conftest import MODELS
+
 PENDULUM = """<mujoco><option gravity="0 0 -9.81" timestep="0.01"/><worldbody><body>
   <joint name="hinge" axis="0 1 0" damping="0.3" armature="0.1"/>
   <geom type="sphere" size="0.05" pos="0 0 -0.7" mass="2"/></body></worldbody>
@@ -97,7 +99,7 @@ def test_moves_of_a_rotation_add_in_the_tangent_space():
 
 
 def test_gauss_newton_is_made_of_the_transitions_derivatives():
-    model = lanesim.Model.from_xml_path("models/zoo/hopper.xml")
+    model = lanesim.Model.from_xml_path(MODELS / "zoo" / "hopper.xml")
     rng = np.random.default_rng(2)
     qpos = model.qpos0 + rng.uniform(-0.05, 0.05, (2, 3, model.nq))
     qvel = rng.normal(size=(2, 3, model.nv))
@@ -140,7 +142,7 @@ def test_inverse_dynamics_have_hessians(pendulum):
 
 
 def test_states_one_by_one_have_the_same_bits():
-    model = lanesim.Model.from_xml_path("models/zoo/ant.xml")
+    model = lanesim.Model.from_xml_path(MODELS / "zoo" / "ant.xml")
     rng = np.random.default_rng(4)
     qpos = np.tile(model.qpos0, (9, 1))
     qvel, ctrl = rng.normal(size=(9, model.nv)), rng.uniform(-1, 1, (9, model.nu))
@@ -244,7 +246,7 @@ def test_a_contact_is_smoothed_and_its_gradient_is_that_of_the_mean():
 
 
 def test_costs_are_smoothed():
-    model = lanesim.Model.from_xml_path("models/zoo/hopper.xml")
+    model = lanesim.Model.from_xml_path(MODELS / "zoo" / "hopper.xml")
     qvel = np.zeros(model.nv)
     found = lanesim.smoothed(
         model,

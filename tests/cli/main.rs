@@ -287,6 +287,12 @@ fn fd_computes_derivatives() {
     let found = npz::read(Path::new(&out)).unwrap();
     assert_eq!((found["A"].shape(), found["B"].shape()), (&[3, 28, 28][..], &[3, 28, 8][..]));
     assert_eq!((found["sides"].to_f64()[0], found["status"].shape(), found.contains_key("C")), (2.0, &[3][..], false));
+    succeeds(&["fd", ANT, "--states", &states, "--option", "integrator=Euler", "--method", "exact", "-o", &out]);
+    fails(
+        &["fd", ANT, "--states", &states, "--method", "exact", "--eps", "1e-6", "-o", &out],
+        2,
+        "--eps is of differences",
+    );
     succeeds(&["fd", ANT, "--states", &states, "--sensors", "--solving", "fixed-work", "-o", &out]);
     assert!(npz::read(Path::new(&out)).unwrap().contains_key("C"));
     let run = |more: &[&str], states: &str, code: i32, message: &str| {

@@ -45,10 +45,12 @@ impl<L: Lane> Step<L> {
 
 /// Some columns, `STRIP` of them or what is left.
 fn load<L: Lane>(from: &[L], width: usize, first: usize, to: &mut [Strip<L>]) {
-    let count = STRIP.min(width - first);
     for (row, to) in from.chunks_exact(width).zip(to) {
-        to[count..].fill(L::zero());
-        to[..count].copy_from_slice(&row[first..first + count]);
+        let row = &row[first..];
+        *to = match row.first_chunk::<STRIP>() {
+            Some(all) => *all,
+            None => std::array::from_fn(|c| row.get(c).copied().unwrap_or(L::zero())),
+        };
     }
 }
 

@@ -1,6 +1,6 @@
 //! Quaternions (w, x, y, z): Hamilton product, local to global.
 
-use super::vec3::{Mat3, Vec3, normalize, scale, select};
+use super::vec3::{Mat3, Vec3, norm, normalize, scale, select};
 use crate::lane::{Lane, Real, atan2, sin_cos};
 
 /// A quaternion.
@@ -75,5 +75,8 @@ pub fn axis_angle<L: Lane>(q: &Quat<L>) -> (Vec3<L>, L) {
 #[inline(always)]
 pub fn log<L: Lane>(q: &Quat<L>) -> Vec3<L> {
     let (axis, angle) = axis_angle(q);
-    scale(angle, &axis)
+    let turn = [q[1], q[2], q[3]];
+    // Near none there is no axis, but a derivative.
+    let short = norm(&turn).lt(L::of(L::Real::MINVAL));
+    select(short, &scale(L::of(2.0) / L::select(short, q[0], L::one()), &turn), &scale(angle, &axis))
 }

@@ -24,8 +24,8 @@ pub(super) struct Room {
     applied: Option<Applied<f64x8>>,
     varied: Option<Varied<f64x8>>,
     qacc: Vec<f64x8>,
-    /// Some columns, world by world.
-    numbers: [Vec<f64>; WIDTH],
+    /// Some columns, entry by entry the worlds' numbers.
+    entries: Vec<[f64; WIDTH]>,
 }
 
 impl Room {
@@ -37,7 +37,7 @@ impl Room {
             applied: None,
             varied: None,
             qacc: vec![zero; model.sizes.nv],
-            numbers: std::array::from_fn(|_| vec![0.0; STRIP * (2 * model.sizes.nv + model.sizes.na)]),
+            entries: Vec::new(),
         }
     }
 
@@ -88,7 +88,7 @@ impl<L: LaneQuery> Cloud<L> {
         let count = work.ids.len();
         for first in (0..count).step_by(WIDTH) {
             room.gather(model, (first, count - 1), (&self.block, qacc));
-            let Room { exact, state, applied, varied, qacc, numbers } = &mut **room;
+            let Room { exact, state, applied, varied, qacc, entries } = &mut **room;
             let collision = &workspace.collision;
             let given = Given {
                 state,
@@ -100,14 +100,12 @@ impl<L: LaneQuery> Cloud<L> {
             };
             let instance = Instance { model, varied: varied.as_ref() };
             exact.differentiate(of, instance, &given, &mut |column, columns, strip| {
-                // World by world, from lane by lane.
-                for (n, lanes) in strip.iter().flatten().enumerate() {
-                    let entries = lanes.to_array();
-                    numbers.iter_mut().zip(entries).for_each(|(numbers, x)| numbers[n] = x + 0.0);
-                }
-                for (place, (id, numbers)) in work.ids[first..].iter().zip(&*numbers).enumerate() {
+                entries.clear();
+                entries.extend(strip.iter().flatten().map(|lanes| lanes.to_array()));
+                for (place, id) in work.ids[first..].iter().take(WIDTH).enumerate() {
                     if alive >> (first + place) & 1 != 0 {
-                        work.shape.write(rows, (*id, column), columns, |row, i| numbers[STRIP * row + i]);
+                        let number = |row: usize, i: usize| entries[STRIP * row + i][place] + 0.0;
+                        work.shape.write(rows, (*id, column), columns, number);
                     }
                 }
             });
