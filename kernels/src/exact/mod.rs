@@ -58,6 +58,9 @@ pub struct Given<'a, L: Lane> {
     pub convex: &'a dyn ConvexCollider,
 }
 
+/// Takes derivatives by some columns: the first of these, how many there are, and the rows.
+pub type Taker<'a, L> = dyn FnMut(usize, usize, &[Strip<L>]) + 'a;
+
 /// Whether a step's acceleration is not the solver's.
 fn is_implicit<T>(model: &Model<T>) -> bool {
     match model.options.integrator {
@@ -115,13 +118,7 @@ impl<L: LaneQuery> Exact<L> {
     /// Finds the derivatives of a model that [`missing`] says nothing of, and hands them out by [`STRIP`]s of columns: the first of these, how many
     /// there are, and the rows. Columns are positions, velocities, activations, controls; of inverse dynamics positions, velocities, accelerations.
     /// Rows are positions, velocities and activations of the next state, or dofs.
-    pub fn differentiate(
-        &mut self,
-        of: Of,
-        model: Instance<'_, L>,
-        given: &Given<'_, L>,
-        out: &mut dyn FnMut(usize, usize, &[Strip<L>]),
-    ) {
+    pub fn differentiate(&mut self, of: Of, model: Instance<'_, L>, given: &Given<'_, L>, out: &mut Taker<'_, L>) {
         self.rest.driven = of != Of::Inverse;
         self.rest.load(model, given.state, given.applied, given.qacc);
         position::kinematics(model, given.state.into(), &mut self.position);

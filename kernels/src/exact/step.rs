@@ -1,7 +1,7 @@
 //! From the derivatives of the residual to those of the acceleration and of the next state, some columns at a time.
 
 use super::sides::{self, Factors, STRIP, Strip};
-use super::{Anew, Exact, Given, Of, is_implicit, width};
+use super::{Anew, Exact, Given, Of, Taker, is_implicit, width};
 use crate::derivative::{self, Derivative};
 use crate::lane::{Lane, LaneQuery, Tangent, sin_cos};
 use crate::math::vec3::{Mat3, Vec3, norm, scale};
@@ -93,13 +93,7 @@ impl<L: LaneQuery> Exact<L> {
     }
 
     /// Hands out the derivatives by all columns, from those of the residual: the first column of some, and their rows.
-    pub(super) fn hand_out(
-        &mut self,
-        of: Of,
-        model: Instance<'_, L>,
-        given: &Given<'_, L>,
-        out: &mut dyn FnMut(usize, usize, &[Strip<L>]),
-    ) {
+    pub(super) fn hand_out(&mut self, of: Of, model: Instance<'_, L>, given: &Given<'_, L>, out: &mut Taker<'_, L>) {
         let (nv, width) = (model.sizes.nv, width(&model));
         if of == Of::Inverse {
             for (from, width, first, after) in [
