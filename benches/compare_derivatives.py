@@ -3,6 +3,7 @@
     pip install mujoco==4.0.0 numpy, and the package in python/
     python benches/compare_derivatives.py models/zoo/humanoid18.xml models/zoo/ant.xml
     python benches/compare_derivatives.py MODEL... --states 64 --forward --precision f64
+    python benches/compare_derivatives.py MODEL... --states 1000 --method exact
 
 For every model, ``lanesim.transition`` and ``mujoco.mjd_transitionFD`` run in turn, --repeats times, over states along a motion under
 uniform control noise; times are the processor's, per state, the ratio is the median of the ratios of neighbours. MuJoCo solves as the model says, we
@@ -63,7 +64,8 @@ def compare(path, args):
     model = lanesim.Model.from_xml_path(path, lenient=True)
     rows = motion(reference, args.states, args.seed)
     given = {name: values for name, values in rows.items() if values.size}
-    run = lambda: lanesim.transition(model, **given, eps=EPS, centred=not args.forward, threads=1, precision=args.precision)
+    how = dict(method="exact") if args.method == "exact" else dict(eps=EPS, centred=not args.forward)
+    run = lambda: lanesim.transition(model, **given, **how, threads=1, precision=args.precision)
     found, ratios, ours, mujocos = run(), [], [], []
     for _ in range(args.repeats):
         mujocos.append(theirs(reference, data, rows, not args.forward)[2] / args.states)
@@ -89,6 +91,7 @@ def main():
     parser.add_argument("models", nargs="+", metavar="MODEL")
     parser.add_argument("--states", type=int, default=64, help="states of a call")
     parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--method", choices=("fd", "exact"), default="fd", help="of ours: differences as MuJoCo's, or exact")
     parser.add_argument("--forward", action="store_true", help="to one side, not centred")
     parser.add_argument("--precision", choices=("f64", "f32"), default="f64")
     parser.add_argument("--core", type=int, help="processor to stay on")
