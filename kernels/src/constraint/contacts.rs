@@ -232,15 +232,10 @@ pub fn measure<L: Lane>(
     both_sides(&grip, contact, &at, dofs, (&position.cdof, qvel), jacobian, out);
 }
 
-/// What a contact's force depends on, of links that move with given velocities.
+/// What decides a contact's force, where its components have given speeds.
 #[derive(Clone, Copy, Debug)]
-pub struct Grasp<L> {
-    /// Motion rows of the first link and of the second, each about the origin of its tree. Components are those of the second's motion less
-    /// those of the first's.
-    pub rows: [[Spatial<L>; 6]; 2],
-    /// Number of components.
-    pub dim: usize,
-    /// What decides the force.
+pub struct Regular<L> {
+    /// The numbers of its law.
     pub strength: Strength<L>,
     /// By component, minus the reference acceleration.
     pub reference: [L; 6],
@@ -248,40 +243,22 @@ pub struct Grasp<L> {
     pub damping: [L; 6],
 }
 
-/// A contact of a pair, whose links move with `velocities`. Rows of a side that stands still are zero.
+/// That of a contact of the pair with this number.
 #[inline(always)]
-pub fn grasp<L: Lane>(
-    model: Instance<'_, L>,
-    position: &Position<L>,
-    number: usize,
-    contact: Contact<'_, L>,
-    velocities: &[Spatial<L>; 2],
-) -> Grasp<L> {
-    let (pair, grip) = (&model.pairs[number], Grip::new(model, number));
-    let at = contact.pos();
-    let first =
-        if pair.link1 != NONE && pair.link2 != NONE { position.moved(&model, &at, pair.link2, pair.link1) } else { at };
-    let dim = pair.condim as usize;
-    let (mut rows, mut speeds) = ([[[L::zero(); 6]; 6]; 2], [L::zero(); 6]);
-    for (side, (link, at)) in [(pair.link1, first), (pair.link2, at)].into_iter().enumerate() {
-        for i in (0..dim).filter(|_| link != NONE) {
-            rows[side][i] = motion_row(contact, &at, i);
-            let speed = dot6(&rows[side][i], &velocities[side]);
-            speeds[i] += if side == 1 { speed } else { -speed };
-        }
-    }
+pub fn regular<L: Lane>(model: Instance<'_, L>, number: usize, contact: Contact<'_, L>, speeds: &[L; 6]) -> Regular<L> {
+    let (dim, grip) = (model.pairs[number].condim as usize, Grip::new(model, number));
     let (mut strength, mut reference) = ([L::zero(); 7], [L::zero(); 6]);
     let out = Numbers { strength: &mut strength, motion: &mut [], reference: &mut reference[..dim] };
-    regularise(&grip, contact, &speeds, out);
+    regularise(&grip, contact, speeds, out);
     let side = if grip.cone == Cone::Ellipse { grip.friction_b } else { grip.impedance.b };
     let damping = std::array::from_fn(|i| if i == 0 { grip.impedance.b } else { side });
-    Grasp { rows, dim, strength, reference, damping }
+    Regular { strength, reference, damping }
 }
 
 /// The components' motion rows at a point `at` relative to a tree's origin: (at × n; n) for a translation along `n`,
 /// (n; 0) for a rotation about it.
 #[inline(always)]
-fn motion_row<L: Lane>(contact: Contact<'_, L>, at: &Vec3<L>, component: usize) -> Spatial<L> {
+pub fn motion_row<L: Lane>(contact: Contact<'_, L>, at: &Vec3<L>, component: usize) -> Spatial<L> {
     let z = L::zero();
     let n = row(contact.frame(), component % 3);
     if component < 3 {

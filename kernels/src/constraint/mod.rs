@@ -17,7 +17,9 @@ mod impedance;
 
 pub use belt::drive;
 pub(crate) use contacts::grow;
-pub use contacts::{Classes, Grasp, Motion, Numbers, cone, first_dof, grasp, kinds, measure, rows_of_pairs};
+pub use contacts::{
+    Classes, Motion, Numbers, Regular, cone, first_dof, kinds, measure, motion_row, regular, rows_of_pairs,
+};
 pub use discrete::{Metric, discretise, held};
 pub use dof_rows::{Measured, all_dof_rows, dof_lanes, joint_rows};
 pub use equality::{Equalities, equality_rows, slope};

@@ -11,8 +11,8 @@ use super::rigid::{Rigid, ancestors, group};
 use crate::collision::{self, Collision, Contact, ConvexCollider, Found, Near, Slot};
 use crate::constraint::{self, Cone, Law};
 use crate::lane::{Lane, LaneQuery, Mask, Tangent};
-use crate::math::spatial::{Spatial, cross_force, cross_motion, dot6, lin, rot};
-use crate::math::vec3::{add, column, cross, scale_add, sub, zero};
+use crate::math::spatial::{Spatial, cross_force, cross_motion, dot6, join, lin, rot};
+use crate::math::vec3::{add, column, cross, cross_add, dot, row, scale_add, sub, zero};
 use crate::model::{Instance, Model, NONE, Pair, Shape, Sides};
 use crate::position::Position;
 use crate::solver::{cone, hessian};
@@ -104,6 +104,7 @@ impl<L: LaneQuery> Contacts<L> {
         }
         let motion = |of: &[Spatial<L>]| links.map(|l| if l == NONE { zero() } else { of[l as usize] });
         let motions = [motion(&rigid.velocity), motion(&rigid.pull)];
+        let still = motions.map(|both| both.map(|motion| motion.map(Tangent::still)));
         for (side, link) in links.into_iter().enumerate().filter(|(_, link)| *link != NONE) {
             for step in 0..6 {
                 displace(position, places, link as usize, step);
@@ -115,7 +116,7 @@ impl<L: LaneQuery> Contacts<L> {
                 for slot in slots {
                     let (point, changes) = (slot.point as usize, &mut self.changes);
                     let change = &mut changes[point][6 * side + step];
-                    wrenches(dual, position, near.pair, &self.found[point], &motions, change);
+                    wrenches(dual, position, near.pair, &self.found[point], &still, change);
                 }
             }
             restore(position, places, link as usize);
@@ -269,21 +270,48 @@ fn narrow<L: Lane>(
     }
 }
 
-/// J a - a_ref of a contact whose links move with velocities and accelerations, and what it depends on.
+/// Places of a contact relative to the origins of its links' trees.
 #[inline(always)]
-fn grasped<L: Lane>(
-    model: Instance<'_, L>,
-    position: &Position<L>,
-    pair: u32,
-    found: &Found<L>,
-    [velocity, pull]: &[[Spatial<L>; 2]; 2],
-) -> (constraint::Grasp<L>, [L; 6]) {
-    let grasp = constraint::grasp(model, position, pair as usize, Contact(found), velocity);
-    let mut y = grasp.reference;
-    for i in 0..grasp.dim {
-        y[i] += dot6(&grasp.rows[1][i], &pull[1]) - dot6(&grasp.rows[0][i], &pull[0]);
+fn places_of<L: Lane>(model: &Model<L::Real>, position: &Position<L>, pair: u32, at: [L; 3]) -> [[L; 3]; 2] {
+    let Pair { link1, link2, .. } = model.pairs[pair as usize];
+    let both = link1 != NONE && link2 != NONE;
+    [if both { position.moved(model, &at, link2, link1) } else { at }, at]
+}
+
+/// Components of the second link's motion at a contact less the first's.
+#[inline(always)]
+fn components<L: Lane>(
+    contact: Contact<'_, L>,
+    (links, at): ([u32; 2], &[[L; 3]; 2]),
+    motions: &[Spatial<L>; 2],
+    dim: usize,
+) -> [L; 6] {
+    let (mut shift, mut turn) = (zero(), zero());
+    for side in (0..2).filter(|side| links[*side] != NONE) {
+        let (w, v) = (rot(&motions[side]), cross_add(&rot(&motions[side]), &at[side], &lin(&motions[side])));
+        (shift, turn) = if side == 1 { (add(&shift, &v), add(&turn, &w)) } else { (sub(&shift, &v), sub(&turn, &w)) };
     }
-    (grasp, y)
+    let frame = contact.frame();
+    std::array::from_fn(|i| match i {
+        i if i >= dim => L::zero(),
+        0..3 => dot(&row(frame, i), &shift),
+        _ => dot(&row(frame, i - 3), &turn),
+    })
+}
+
+/// J a - a_ref of a contact whose links have velocities and accelerations, and what its force depends on.
+#[inline(always)]
+fn reached<L: Lane>(
+    model: Instance<'_, L>,
+    (pair, contact): (u32, Contact<'_, L>),
+    at: &[[L; 3]; 2],
+    [velocity, pull]: &[[Spatial<L>; 2]; 2],
+) -> (constraint::Regular<L>, [L; 6]) {
+    let Pair { link1, link2, condim, .. } = model.pairs[pair as usize];
+    let (links, dim) = ([link1, link2], condim as usize);
+    let speeds = components(contact, (links, at), velocity, dim);
+    let regular = constraint::regular(model, pair as usize, contact, &speeds);
+    (regular, add(&components(contact, (links, at), pull, dim), &regular.reference))
 }
 
 /// How the wrenches on the links of a contact change.
@@ -292,21 +320,23 @@ fn wrenches<L: Lane>(
     position: &Position<Tangent<L>>,
     pair: u32,
     found: &Found<Tangent<L>>,
-    motions: &[[Spatial<L>; 2]; 2],
+    motions: &[[Spatial<Tangent<L>>; 2]; 2],
     change: &mut [Spatial<L>; 2],
 ) {
-    let still = motions.map(|both| both.map(|motion| motion.map(Tangent::still)));
-    let (grasp, y) = grasped(model, position, pair, found, &still);
-    let (dim, number) = (grasp.dim, &model.pairs[pair as usize]);
-    let mut force = [Tangent::zero(); 6];
-    let law = Law { cone: constraint::cone(&model, number), strength: &grasp.strength };
+    let (contact, number) = (Contact(found), &model.pairs[pair as usize]);
+    let at = places_of(&model, position, pair, contact.pos());
+    let (regular, y) = reached(model, (pair, contact), &at, motions);
+    let (dim, mut force) = (number.condim as usize, [Tangent::zero(); 6]);
+    let law = Law { cone: constraint::cone(&model, number), strength: &regular.strength };
     cone::force(law, &y[..dim], &mut force[..dim]);
-    for (second, link) in [(false, number.link1), (true, number.link2)] {
-        if link != NONE {
-            let rows = &grasp.rows[usize::from(second)];
-            let wrench = (0..dim).fold(zero(), |sum, i| scale_add(force[i], &rows[i], &sum));
-            change[usize::from(second)] = wrench.map(|x: Tangent<L>| if second { x.rate } else { -x.rate });
-        }
+    let along = |from: usize, to: usize| {
+        (from..to).fold(zero(), |sum, i| scale_add(force[i], &row(contact.frame(), i % 3), &sum))
+    };
+    let (push, torque) = (along(0, dim.min(3)), along(3, dim.max(3)));
+    let links = [number.link1, number.link2];
+    for side in (0..2).filter(|side| links[*side] != NONE) {
+        let wrench = join(&cross_add(&at[side], &push, &torque), &push);
+        change[side] = wrench.map(|x: Tangent<L>| if side == 1 { x.rate } else { -x.rate });
     }
 }
 
@@ -318,13 +348,22 @@ fn hold<L: Lane>(
     found: &Found<L>,
     motions: &[[Spatial<L>; 2]; 2],
 ) -> Held<L> {
-    let (grasp, y) = grasped(model, position, pair, found, motions);
-    let (dim, mut force) = (grasp.dim, [L::zero(); 6]);
-    let law = Law { cone: constraint::cone(&model, &model.pairs[pair as usize]), strength: &grasp.strength };
+    let (contact, number) = (Contact(found), &model.pairs[pair as usize]);
+    let at = places_of(&model, position, pair, contact.pos());
+    let (regular, y) = reached(model, (pair, contact), &at, motions);
+    let (dim, mut force) = (number.condim as usize, [L::zero(); 6]);
+    let law = Law { cone: constraint::cone(&model, number), strength: &regular.strength };
     cone::force(law, &y[..dim], &mut force[..dim]);
-    let stiffness = cone::stiffness(law, &y[..dim]);
-    let sizes = std::array::from_fn(|i| (y[i] - grasp.reference[i]).abs() + grasp.reference[i].abs());
-    Held { rows: grasp.rows, dim, force, damping: grasp.damping, stiffness, edges: edges(law, &y[..dim], &sizes) }
+    let reference = &regular.reference;
+    let sizes = std::array::from_fn(|i| (y[i] - reference[i]).abs() + reference[i].abs());
+    Held {
+        rows: at.map(|at| std::array::from_fn(|i| constraint::motion_row(contact, &at, i))),
+        dim,
+        force,
+        damping: regular.damping,
+        stiffness: cone::stiffness(law, &y[..dim]),
+        edges: edges(law, &y[..dim], &sizes),
+    }
 }
 
 /// How many rows of a contact are within [`EDGE`] of where they begin or cease to act, or to slide; `sizes` are those of what its components
