@@ -15,6 +15,8 @@ use lanesim_kernels::exact;
 use lanesim_kernels::lane::Real;
 use lanesim_kernels::model::{Joint, JointKind};
 use lanesim_kernels::options::{self, Solver};
+use lanesim_kernels::workspace::Workspace;
+use wide::f64x8;
 
 pub use self::grid::Grid;
 pub use self::hessian::{Costs, Seen, hessian};
@@ -204,6 +206,9 @@ impl Worlds {
         if scheme.method == Method::Exact {
             let missing = exact::missing(self.model.tables(), target.of() == Of::Transition);
             missing.map_or(Ok(()), |missing| Err(Error::Input(missing)))?;
+            // Numbers, and numbers with their rates.
+            let scratch = Workspace::<f64x8>::bytes(self.model.tables());
+            memory::ask("a thread's scratch for exact derivatives", &[3, scratch])?;
         }
         let (nworld, nv) = (self.nworld(), self.model.tables().sizes.nv);
         let qacc = if let Target::Inverse(qacc) = target { Some(qacc) } else { None };

@@ -218,7 +218,7 @@ pub fn factor<L: Lane>(model: &Model<L::Real>, derivative: &mut Derivative<L>) {
     }
 }
 
-/// Makes the factors' entries above the diagonal known in all trees: where the matrix is symmetric they are those below.
+/// Makes entries above the diagonal known in all trees, of the matrix or of its factors: where it is symmetric they are those below.
 pub fn complete<L: Lane>(model: &Model<L::Real>, derivative: &mut Derivative<L>) {
     let Derivative { lower, upper, .. } = derivative;
     for dof in trees(model).filter(|tree| !tree.skew).flat_map(|tree| tree.dofs) {

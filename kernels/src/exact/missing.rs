@@ -1,8 +1,8 @@
-//! What has no exact derivatives yet, and where forces are local.
+//! What has no exact derivatives yet, and what forces depend on.
 
 use crate::derivative;
 use crate::lane::Real;
-use crate::model::{Model, Transmission};
+use crate::model::{EqualityKind, Model, Transmission};
 use crate::options::Integrator;
 
 /// What of a model has no exact derivatives, for whoever asks for them; `step`: of steps too.
@@ -32,11 +32,32 @@ pub fn missing<T: Real>(model: &Model<T>, step: bool) -> Option<String> {
     None
 }
 
-/// Whether every force but those of rigid bodies and contacts acts on one joint by what is known of that joint alone.
-pub(super) fn is_local<T: Real>(model: &Model<T>) -> bool {
-    let features = &model.features;
-    let scalar = |transmission: Transmission| transmission == Transmission::Scalar;
-    let joints = model.actuators.iter().all(|actuator| scalar(actuator.transmission));
-    let skew = super::is_implicit(model) && model.options.integrator != Integrator::Euler && derivative::of_bias(model);
-    joints && !skew && !features.fluid && !features.gravcomp && model.tendons.is_empty() && model.equalities.is_empty()
+/// What forces other than those of rigid bodies and contacts depend on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// Every one on one joint, on which alone it acts.
+    pub local: bool,
+    /// Some on where links are.
+    pub places: bool,
+    /// Some on how links move, or they are part of what rigid bodies do.
+    pub rigid: bool,
+}
+
+impl Reach {
+    pub fn new<T: Real>(model: &Model<T>) -> Reach {
+        let features = &model.features;
+        let skew =
+            super::is_implicit(model) && model.options.integrator != Integrator::Euler && derivative::of_bias(model);
+        let heavy = model.tendons.iter().any(|tendon| tendon.heavy);
+        let sides = |kind: EqualityKind| matches!(kind, EqualityKind::Connect | EqualityKind::Weld);
+        let sides = model.equalities.iter().any(|equality| sides(equality.kind));
+        let rigid = skew || heavy || sides || features.fluid;
+        let scalar = |transmission: Transmission| transmission == Transmission::Scalar;
+        let along = |transmission: Transmission| scalar(transmission) || transmission == Transmission::Tendon;
+        let transmissions = || model.actuators.iter().map(|actuator| actuator.transmission);
+        let spatial = model.tendons.iter().any(|tendon| tendon.stretches.len > 0);
+        let places = rigid || spatial || features.gravcomp || !transmissions().all(along);
+        let local = !places && transmissions().all(scalar) && model.tendons.is_empty() && model.equalities.is_empty();
+        Reach { local, places, rigid }
+    }
 }

@@ -138,11 +138,11 @@ impl<L: LaneQuery> Exact<L> {
         if implicit {
             self.find_over(model, given);
         }
-        if self.rest.local {
+        if !self.rest.reach.rigid {
             self.rigid_bodies(model, given, implicit);
         }
         self.add_contacts(model, given);
-        if self.rest.local {
+        if self.rest.reach.local {
             self.rest_at_once(&model)
         } else {
             self.rest_by_columns(&model)
@@ -181,7 +181,7 @@ impl<L: LaneQuery> Exact<L> {
     fn add_contacts(&mut self, model: Instance<'_, L>, given: &Given<'_, L>) {
         let Exact { position, dual_position, inertia, rigid, contacts, rest, slopes, by_acceleration, .. } = self;
         let (nv, width) = (model.sizes.nv, width(&model));
-        if rest.local {
+        if !rest.reach.rigid {
             for i in 0..nv {
                 by_acceleration[nv * i + i] = inertia.m[model.rows.diagonal(i)];
                 for j in model.tree_pattern.row(i).iter().flat_map(|run| run.range()) {
@@ -288,7 +288,7 @@ impl<L: LaneQuery> Exact<L> {
         }
     }
 
-    /// All else, rigid bodies too, column by column.
+    /// All else column by column.
     fn rest_by_columns(&mut self, model: &Model<L::Real>) {
         let (nv, na, width) = (model.sizes.nv, model.sizes.na, width(model));
         self.rest.rest();

@@ -1,10 +1,10 @@
 //! All other forces over dual numbers: springs, dampers, tendons, media, actuators, limits, dry friction, equality constraints.
 //!
 //! Where every force acts on one joint by what is known of that joint alone, one evaluation has the derivatives by all joints at once: each is read
-//! from its own joint's forces. Else there is one evaluation for each column, and rigid bodies' forces are taken from it as well.
+//! from its own joint's forces. Else there is one evaluation for each column; where forces depend on how links move, rigid bodies' forces are taken from it as well.
 
 use super::contacts::EDGE;
-use super::missing::is_local;
+use super::missing::Reach;
 use crate::constraint::DofRowKind;
 use crate::derivative;
 use crate::lane::{Lane, Mask, Tangent};
@@ -28,7 +28,7 @@ pub(super) enum Anew {
 /// What an evaluation finds, as rates.
 #[derive(Clone, Debug)]
 pub(super) struct Found<L> {
-    /// M a + c - other forces - Jᵀf, but for contacts; without rigid bodies' where forces are local.
+    /// M a + c - other forces - Jᵀf, but for contacts; without rigid bodies' where these are analytic.
     pub residual: Vec<L>,
     /// (M - h D) a⁺ - M a, of an implicit step with the acceleration a⁺; likewise.
     pub excess: Vec<L>,
@@ -39,7 +39,7 @@ pub(super) struct Found<L> {
 /// Everything over dual numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Rest<L> {
-    pub local: bool,
+    pub reach: Reach,
     /// Whether actuators count.
     pub driven: bool,
     pub state: State<Tangent<L>>,
@@ -49,7 +49,9 @@ pub(super) struct Rest<L> {
     qacc: Vec<Tangent<L>>,
     /// The acceleration over an implicit step.
     pub over: Vec<Tangent<L>>,
-    scratch: Vec<Tangent<L>>,
+    /// M a, where rigid bodies are over dual numbers.
+    inertial: Vec<Tangent<L>>,
+    product: Vec<Tangent<L>>,
     act: Vec<Tangent<L>>,
     pub found: Found<L>,
 }
@@ -58,7 +60,7 @@ impl<L: Lane> Rest<L> {
     pub fn new(model: &Model<L::Real>) -> Self {
         let (nv, na, zero) = (model.sizes.nv, model.sizes.na, Tangent::zero());
         Rest {
-            local: is_local(model),
+            reach: Reach::new(model),
             driven: true,
             state: State::new(&model.sizes),
             applied: None,
@@ -66,7 +68,8 @@ impl<L: Lane> Rest<L> {
             ws: Workspace::without_groups(model),
             qacc: vec![zero; nv],
             over: vec![zero; nv],
-            scratch: vec![zero; nv],
+            inertial: vec![zero; nv],
+            product: vec![zero; nv],
             act: vec![zero; na],
             found: Found { residual: vec![L::zero(); nv], excess: vec![L::zero(); nv], act: vec![L::zero(); na] },
         }
@@ -147,111 +150,113 @@ impl<L: Lane> Rest<L> {
 
     /// Evaluates all that may have changed.
     pub fn evaluate(&mut self, model: &Model<L::Real>, from: Anew) {
-        let Rest { local, driven, state, applied, varied, ws, qacc, over, scratch, act, found } = self;
-        let model = Instance { model, varied: varied.as_ref() };
-        let rigid = !*local;
-        smooth(model, state, applied.as_ref(), (rigid, from), ws);
-        let everywhere = L::Mask::splat(true);
-        let Workspace {
-            position,
-            tendons,
-            inertia,
-            velocity,
-            passive,
-            actuation,
-            acceleration,
-            derivative,
-            constraint,
-            solver,
-            ..
-        } = ws;
-        if !constraint.dof_rows.is_empty() {
-            let measured = constraint::Measured { qpos: &state.qpos, qvel: &state.qvel, tendons };
-            constraint::dof_lanes(model, measured, everywhere, constraint);
-            constraint.joint_lanes = u32::MAX;
+        let reach = self.reach;
+        let instance = Instance { model, varied: self.varied.as_ref() };
+        smooth(instance, &self.state, self.applied.as_ref(), (reach, from), &mut self.ws);
+        rows(instance, &self.state, &self.qacc, &mut self.ws);
+        let Workspace { inertia, passive, actuation, acceleration, solver, .. } = &self.ws;
+        if reach.rigid {
+            ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, &self.qacc, &mut self.inertial);
         }
-        if !model.equalities.is_empty() {
-            let motion = constraint::Motion { position, velocity, tendons, qvel: &state.qvel };
-            let read = ((&*state).into(), &state.eq_active[..]);
-            constraint::equality_rows(model, motion, read, everywhere, &mut constraint.equality);
-            constraint.equality.lanes = u32::MAX;
-        }
-        let mean_inertia = model.mean_inertia();
-        let problem =
-            solver::Problem { model: model.model, mean_inertia, position, tendons, inertia, acceleration, constraint };
-        solver::force_at(&problem, qacc, solver);
-        let multiply = |x: &[Tangent<L>], y: &mut [Tangent<L>]| {
-            ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, x, y);
-        };
-        if rigid {
-            multiply(qacc, scratch);
-        }
-        for (i, out) in found.residual.iter_mut().enumerate() {
+        for (i, out) in self.found.residual.iter_mut().enumerate() {
             let actuated = if model.features.actuation { actuation.qfrc_actuator[i].rate } else { L::zero() };
             let passive = if model.features.passive() { passive.qfrc_passive[i].rate } else { L::zero() };
-            let forces = if !rigid {
-                passive + if *driven { actuated } else { L::zero() }
-            } else {
-                let smooth = acceleration.qfrc_smooth[i].rate - scratch[i].rate;
-                if *driven { smooth } else { smooth - actuated }
+            let forces = match (reach.rigid, self.driven) {
+                (false, true) => passive + actuated,
+                (false, false) => passive,
+                (true, true) => acceleration.qfrc_smooth[i].rate - self.inertial[i].rate,
+                (true, false) => acceleration.qfrc_smooth[i].rate - actuated - self.inertial[i].rate,
             };
             *out = -(forces + solver.fields.qfrc_constraint[i].rate);
         }
-        let h = Tangent::of(model.options.timestep);
-        if super::is_implicit(model.model) {
-            for (i, out) in found.excess.iter_mut().enumerate() {
-                *out = if rigid { -scratch[i].rate } else { L::zero() };
-            }
-            if model.options.integrator == Integrator::Euler {
-                if rigid {
-                    multiply(over, scratch);
-                } else {
-                    scratch.fill(Tangent::zero());
-                }
-                for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
-                    scratch[i] = (h * damper_slope(model, i, state.qvel[i])).mul_add(over[i], scratch[i]);
-                }
-            } else {
-                let stages = derivative::Stages { position, tendons, inertia, velocity, actuation };
-                derivative::implicit(model, state, stages, derivative);
-                derivative::multiply(&model, derivative, over, scratch);
-            }
-            found.excess.iter_mut().zip(scratch).for_each(|(out, x)| *out += x.rate);
+        if super::is_implicit(model) {
+            self.exceed(model);
         }
-        integration::activations(&model, &state.act, &actuation.act_dot, act);
-        found.act.iter_mut().zip(act).for_each(|(out, x)| *out = x.rate);
+        integration::activations(model, &self.state.act, &self.ws.actuation.act_dot, &mut self.act);
+        self.found.act.iter_mut().zip(&self.act).for_each(|(out, x)| *out = x.rate);
+    }
+
+    /// (M - h D) a⁺ - M a of an implicit step; without M where rigid bodies are analytic.
+    fn exceed(&mut self, model: &Model<L::Real>) {
+        let Rest { reach, state, varied, ws, over, inertial, product, found, .. } = self;
+        let model = Instance { model, varied: varied.as_ref() };
+        let Workspace { position, tendons, inertia, velocity, actuation, derivative, .. } = ws;
+        if model.options.integrator != Integrator::Euler {
+            let stages = derivative::Stages { position, tendons, inertia, velocity, actuation };
+            derivative::implicit(model, state, stages, derivative);
+            derivative::multiply(&model, derivative, over, product);
+        } else {
+            product.fill(Tangent::zero());
+            if reach.rigid {
+                ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, over, product);
+            }
+            let h = Tangent::of(model.options.timestep);
+            for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
+                product[i] = (h * damper_slope(model, i, state.qvel[i])).mul_add(over[i], product[i]);
+            }
+        }
+        for (i, out) in found.excess.iter_mut().enumerate() {
+            *out = product[i].rate - if reach.rigid { inertial[i].rate } else { L::zero() };
+        }
     }
 }
 
-/// The smooth stages that may have changed; those of rigid bodies if `rigid`, else once and for all at rest.
+/// The generalised force of all rows but those of contacts.
+fn rows<L: Lane>(
+    model: Instance<'_, Tangent<L>>,
+    state: &State<Tangent<L>>,
+    qacc: &[Tangent<L>],
+    ws: &mut Workspace<Tangent<L>>,
+) {
+    let everywhere = L::Mask::splat(true);
+    let Workspace { position, tendons, inertia, velocity, acceleration, constraint, solver, .. } = ws;
+    if !constraint.dof_rows.is_empty() {
+        let measured = constraint::Measured { qpos: &state.qpos, qvel: &state.qvel, tendons };
+        constraint::dof_lanes(model, measured, everywhere, constraint);
+        constraint.joint_lanes = u32::MAX;
+    }
+    if !model.equalities.is_empty() {
+        let motion = constraint::Motion { position, velocity, tendons, qvel: &state.qvel };
+        let read = (state.into(), &state.eq_active[..]);
+        constraint::equality_rows(model, motion, read, everywhere, &mut constraint.equality);
+        constraint.equality.lanes = u32::MAX;
+    }
+    let mean_inertia = model.mean_inertia();
+    let problem =
+        solver::Problem { model: model.model, mean_inertia, position, tendons, inertia, acceleration, constraint };
+    solver::force_at(&problem, qacc, solver);
+}
+
+/// The smooth stages that may have changed and that matter.
 fn smooth<L: Lane>(
     model: Instance<'_, Tangent<L>>,
     state: &State<Tangent<L>>,
     applied: Option<&Applied<Tangent<L>>>,
-    (rigid, from): (bool, Anew),
+    (reach, from): (Reach, Anew),
     ws: &mut Workspace<Tangent<L>>,
 ) {
     let Workspace { position, tendons, inertia, velocity, passive, actuation, acceleration, .. } = ws;
-    if rigid && from <= Anew::Position {
+    let (places, rates) = (from <= Anew::Position, from <= Anew::Velocity);
+    if reach.places && places {
         position::kinematics(model, state.into(), position);
     }
-    if rigid && from <= Anew::Velocity {
-        if !model.tendons.is_empty() {
-            tendon::tendons(&model, position, &state.qpos, &state.qvel, tendons);
-        }
-        if from <= Anew::Position {
-            inertia::crb(model, position, tendons, inertia);
-        }
+    if rates && !model.tendons.is_empty() {
+        tendon::tendons(&model, position, &state.qpos, &state.qvel, tendons);
+    }
+    if reach.rigid && places {
+        inertia::crb(model, position, tendons, inertia);
+    }
+    if reach.rigid && rates {
         velocity::rne(model, (position, tendons, inertia), &state.qvel, velocity);
     }
-    if from <= Anew::Velocity && model.features.passive() {
+    if rates && model.features.passive() {
         let stages = passive::Stages { position, tendons, velocity };
         passive::passive(model, stages, &state.qpos, &state.qvel, passive);
     }
     if from <= Anew::Input && !model.actuators.is_empty() {
         actuation::actuation(model, state, (position, tendons, passive), actuation);
     }
-    if rigid && from <= Anew::Input {
+    if reach.rigid && from <= Anew::Input {
         acceleration::smooth_force(&model, position, velocity, passive, actuation, applied, acceleration);
     }
 }

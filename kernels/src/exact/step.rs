@@ -76,12 +76,13 @@ impl<L: LaneQuery> Exact<L> {
         } else {
             rest.rest();
             rest.evaluate(&model, Anew::Position);
-            // Where forces are local their part alone is known there.
+            // Without rigid bodies the matrix is what they leave out.
+            derivative::complete(&model, &mut rest.ws.derivative);
             let found = &rest.ws.derivative;
             let [below, above] = &mut step.added;
             for (to, added, found) in [(lower, below, &found.lower), (upper, above, &found.upper)] {
                 for ((to, added), (x, m)) in to.iter_mut().zip(added).zip(found.iter().zip(m)) {
-                    *added = if rest.local { x.value } else { x.value - *m };
+                    *added = if rest.reach.rigid { x.value - *m } else { x.value };
                     *to = *added + *m;
                 }
             }
@@ -143,7 +144,7 @@ impl<L: LaneQuery> Exact<L> {
         let skew = model.options.integrator != Integrator::Euler && derivative::of_bias(model);
         let Derivative { lower, upper, inverse, .. } = derivative;
         let upper = if skew { upper } else { &*lower };
-        if rest.local || model.options.integrator == Integrator::Euler {
+        if rest.reach.local || model.options.integrator == Integrator::Euler {
             for (i, (other, own)) in other.iter_mut().zip(&*acceleration).enumerate() {
                 let factor = added[0][rows.diagonal(i)];
                 other.iter_mut().zip(own).for_each(|(sum, x)| *sum = factor.mul_add(*x, *sum));
