@@ -4,7 +4,7 @@ mod support;
 
 use lanesim::cloud::{Method, Scheme, Solving, Target, Transition, accurate};
 use lanesim::rows::{Rows, Strided, Values};
-use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
+use lanesim::{Backend, Controls, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
 use support::{fails, load_with, options};
 
 const EXACT: Scheme = Scheme { method: Method::Exact, eps: 1e-6, centred: true, sensors: false };
@@ -143,6 +143,25 @@ fn of(worlds: &mut Worlds, target: &Target<'_>, scheme: &Scheme) -> Vec<f64> {
     worlds.derivatives_into(target, scheme, Solving::Accurate, rows, (None, None)).expect("derivatives");
     found.truncate(matrices);
     found.concat()
+}
+
+#[test]
+fn parameters_of_a_world_count() {
+    for name in ["zoo/ant", "zoo/hopper"] {
+        let model = accurate(&load_with(name, &[("integrator", "Euler")])).expect("a model");
+        let mut worlds = moving(&model, 3, &options(Precision::F64, Backend::Native));
+        let same = worlds.transition(&EXACT).expect("derivatives");
+        for parameter in [Parameter::BodyMass, Parameter::DofDamping, Parameter::GeomFriction] {
+            let own: Vec<f64> = parameter.of(&model).iter().map(|x| 1.2 * x).collect();
+            worlds.set_parameter(parameter, 1, &own).expect("a parameter");
+        }
+        let found = worlds.transition(&EXACT).expect("derivatives");
+        let (worst, part) = error(&found, &extrapolated(&mut worlds, 1e-7), 3);
+        assert!(worst < 2e-6 && part > 0.9, "{name}: {worst:e} of {part}");
+        let width = found.a.len() / 3;
+        assert_eq!(found.a[..width], same.a[..width], "{name}: the others are as they were");
+        assert_ne!(found.a[width..2 * width], same.a[width..2 * width], "{name}");
+    }
 }
 
 #[test]
