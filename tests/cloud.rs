@@ -7,33 +7,14 @@ use std::collections::BTreeMap;
 use lanesim::cloud::{self, Call, Costs, Found, Grid, How, Points, Scheme, Seen, Solving, Target};
 use lanesim::npz::{Array, Data};
 use lanesim::rows::{Rows, Strided, Values};
-use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
-use support::{fails, load, options};
+use lanesim::{Backend, Field, Model, Options, Precision, Worlds};
+use support::{copied, fails, load, moving, options};
 
 /// Models that touch the floor, have a free joint, activations, tendons; one without anything that is shared.
 const MODELS: [&str; 4] = ["zoo/ant", "zoo/hopper", "unit/muscle", "zoo/pendulums"];
 
 fn with(precision: Precision, backend: Backend, threads: usize) -> Options {
     Options { threads: Some(threads), ..options(precision, backend) }
-}
-
-/// Worlds in states of their own, under control noise for a while.
-fn moving(model: &Model, nworld: usize, options: &Options) -> Worlds {
-    let mut worlds = Worlds::new(model, nworld, options).expect("a batch");
-    let noise = Rollout { nstep: 120, controls: Controls::Noise { seed: 3, scale: 1.0 }, ..Rollout::default() };
-    worlds.rollout(&noise).expect("a rollout");
-    worlds
-}
-
-/// A batch with the states of some worlds of another, as they are.
-fn copied(from: &Worlds, ids: &[usize], options: &Options) -> Worlds {
-    let mut worlds = Worlds::new(from.model(), ids.len(), options).expect("a batch");
-    for (field, _) in Field::ALL {
-        for (to, id) in ids.iter().enumerate() {
-            worlds.set(field, to, &from.get(field, *id).expect("a field")).expect("a world");
-        }
-    }
-    worlds
 }
 
 /// All that is found at points.
@@ -89,7 +70,7 @@ fn points_have_the_same_bits_however_they_are_visited() {
         for (precision, sensors) in [(Precision::F64, true), (Precision::F32, false)] {
             let model = load(name);
             let options = with(precision, Backend::Auto, 2);
-            let mut worlds = moving(&model, 19, &options);
+            let mut worlds = moving(&model, 19, 1.0, &options);
             let acc: Vec<f64> = (0..19 * model.tables().sizes.nv).map(|i| (i as f64).sin()).collect();
             let stride = model.tables().sizes.nv;
             let qacc = |first: usize| Strided { values: Values::F64(&acc), offset: first * stride, stride };
@@ -135,7 +116,7 @@ fn points_have_the_same_bits_however_they_are_visited() {
 fn first_differences_are_the_derivatives() {
     for name in MODELS {
         let model = load(name);
-        let mut worlds = moving(&model, 3, &with(Precision::F64, Backend::Auto, 1));
+        let mut worlds = moving(&model, 3, 1.0, &with(Precision::F64, Backend::Auto, 1));
         let sizes = &model.tables().sizes;
         let (nv, n) = (sizes.nv, 2 * sizes.nv + sizes.na);
         let (eps, target) = (1e-6, Target::Acceleration);
@@ -171,7 +152,7 @@ fn first_differences_are_the_derivatives() {
 fn what_is_taken_over_is_what_would_be_found_again() {
     for name in MODELS {
         let model = lanesim::cloud::accurate(&load(name)).unwrap();
-        let mut worlds = moving(&model, 2, &with(Precision::F64, Backend::Auto, 1));
+        let mut worlds = moving(&model, 2, 1.0, &with(Precision::F64, Backend::Auto, 1));
         for target in [Target::Transition, Target::Acceleration] {
             let points = some_points(target.columns(&model));
             let [part, whole] =
@@ -224,7 +205,7 @@ fn nothing(after: &mut [f64]) -> Found<'_> {
 #[test]
 fn a_world_that_cannot_be_stepped_has_nothing_after_it() {
     let model = load("zoo/hopper");
-    let mut worlds = moving(&model, 3, &with(Precision::F64, Backend::Auto, 1));
+    let mut worlds = moving(&model, 3, 1.0, &with(Precision::F64, Backend::Auto, 1));
     let target = Target::Transition;
     let points = some_points(target.columns(&model));
     let before = visit(&mut worlds, &target, &points, &How::default());

@@ -4,18 +4,10 @@ mod support;
 
 use lanesim::cloud::{Method, Scheme, Solving, Target, Transition, accurate};
 use lanesim::rows::{Rows, Strided, Values};
-use lanesim::{Backend, Controls, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
-use support::{fails, load_with, options};
+use lanesim::{Backend, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
+use support::{fails, load_with, moving, options};
 
 const EXACT: Scheme = Scheme { method: Method::Exact, eps: 1e-6, centred: true, sensors: false };
-
-/// Worlds in states of their own, under control noise for a while.
-fn moving(model: &Model, nworld: usize, options: &Options) -> Worlds {
-    let mut worlds = Worlds::new(model, nworld, options).expect("a batch");
-    let noise = Rollout { nstep: 120, controls: Controls::Noise { seed: 3, scale: 0.5 }, ..Rollout::default() };
-    worlds.rollout(&noise).expect("a rollout");
-    worlds
-}
 
 /// By differences of two lengths, of which the error of second order is taken away; and the columns in which they differ so much that
 /// they go across a kink.
@@ -81,7 +73,7 @@ fn error(found: &Transition, (expected, kinked): &(Transition, Vec<bool>), nworl
 fn assert_exact(name: &str, integrator: &str, eps: f64, tolerance: f64) {
     const NWORLD: usize = 9;
     let model = accurate(&load_with(name, &[("integrator", integrator)])).expect("a model");
-    let mut worlds = moving(&model, NWORLD, &options(Precision::F64, Backend::Native));
+    let mut worlds = moving(&model, NWORLD, 0.5, &options(Precision::F64, Backend::Native));
     let found = worlds.transition(&EXACT).expect("derivatives");
     let (expected, mut kinked) = extrapolated(&mut worlds, eps);
     // Where a row is about to begin to act, differences go across the kink whatever their length.
@@ -149,7 +141,7 @@ fn of(worlds: &mut Worlds, target: &Target<'_>, scheme: &Scheme) -> Vec<f64> {
 fn parameters_of_a_world_count() {
     for name in ["zoo/ant", "zoo/hopper"] {
         let model = accurate(&load_with(name, &[("integrator", "Euler")])).expect("a model");
-        let mut worlds = moving(&model, 3, &options(Precision::F64, Backend::Native));
+        let mut worlds = moving(&model, 3, 0.5, &options(Precision::F64, Backend::Native));
         let same = worlds.transition(&EXACT).expect("derivatives");
         for parameter in [Parameter::BodyMass, Parameter::DofDamping, Parameter::GeomFriction] {
             let own: Vec<f64> = parameter.of(&model).iter().map(|x| 1.2 * x).collect();
@@ -168,7 +160,7 @@ fn parameters_of_a_world_count() {
 fn accelerations_and_inverse_dynamics_have_the_limit_of_differences() {
     for name in ["zoo/ant", "zoo/arm", "zoo/four_bar", "unit/activation"] {
         let model = accurate(&load_with(name, &[("integrator", "Euler")])).expect("a model");
-        let mut worlds = moving(&model, 3, &options(Precision::F64, Backend::Native));
+        let mut worlds = moving(&model, 3, 0.5, &options(Precision::F64, Backend::Native));
         let nv = model.tables().sizes.nv;
         let qacc: Vec<f64> = (0..3 * nv).map(|i| (i as f64 * 0.7).sin()).collect();
         let inverse = Target::Inverse(Strided { values: Values::F64(&qacc), offset: 0, stride: nv });
@@ -215,7 +207,7 @@ fn the_same_bits_whatever_is_beside() {
     for name in ["zoo/ant", "zoo/four_bar", "zoo/box_stack"] {
         let model = accurate(&load_with(name, &[("integrator", "implicitfast")])).expect("a model");
         let choose = |backend, threads| Options { threads: Some(threads), ..options(Precision::F64, backend) };
-        let mut worlds = moving(&model, 11, &choose(Backend::Native, 2));
+        let mut worlds = moving(&model, 11, 0.5, &choose(Backend::Native, 2));
         let all = worlds.transition(&EXACT).expect("derivatives");
         for (id, backend) in [(0, Backend::Scalar), (6, Backend::Wide), (10, Backend::Native)] {
             let mut alone = Worlds::new(&model, 1, &choose(backend, 1)).expect("a batch");
@@ -270,6 +262,12 @@ fn what_has_no_exact_derivatives_says_so() {
         "Runge-Kutta steps have no exact derivatives yet: take them by differences",
     );
     fails(refused("zoo/ant", "midpoint", EXACT, double), "midpoint steps have no exact derivatives yet");
+    let model = load_with("zoo/ant", &[("integrator", "implicitfast"), ("invdiscrete", "enable")]);
+    let mut worlds = Worlds::new(&model, 1, &Options::default()).expect("a batch");
+    let qacc = vec![0.0; model.tables().sizes.nv];
+    let target = Target::Inverse(Strided { values: Values::F64(&qacc), offset: 0, stride: qacc.len() });
+    let found = worlds.derivatives_into(&target, &EXACT, Solving::Accurate, vec![], (None, None));
+    fails(found, "inverse dynamics of implicit steps (invdiscrete) have no exact derivatives yet");
     fails(refused("zoo/ant", "Euler", EXACT, Precision::F32), "exact derivatives are of double precision");
     fails(
         refused("zoo/ant", "Euler", Scheme { sensors: true, ..EXACT }, double),

@@ -9,33 +9,14 @@ use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::status::Status;
-use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
+use lanesim::{Backend, Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::integration::{difference, displace};
-use support::{fails, load, load_with, options};
+use support::{copied, fails, load, load_with, moving, options};
 
 const INTEGRATORS: [&str; 6] = ["Euler", "implicitfast", "implicit", "RK4", "discrete", "midpoint"];
 /// Models that touch the floor and have a free joint, activations, tendons, equality constraints, sensors.
 const MODELS: [&str; 6] =
     ["zoo/ant", "zoo/hopper", "unit/muscle", "unit/tendon_forces", "zoo/four_bar", "unit/activation"];
-
-/// Worlds in states of their own, under control noise for a while.
-fn moving(model: &Model, nworld: usize, options: &Options) -> Worlds {
-    let mut worlds = Worlds::new(model, nworld, options).expect("a batch");
-    let noise = Rollout { nstep: 120, controls: Controls::Noise { seed: 3, scale: 1.0 }, ..Rollout::default() };
-    worlds.rollout(&noise).expect("a rollout");
-    worlds
-}
-
-/// A batch with the states of some worlds of another, as they are.
-fn copied(from: &Worlds, ids: &[usize], options: &Options) -> Worlds {
-    let mut worlds = Worlds::new(from.model(), ids.len(), options).expect("a batch");
-    for (field, _) in Field::ALL {
-        for (to, id) in ids.iter().enumerate() {
-            worlds.set(field, to, &from.get(field, *id).expect("a field")).expect("a world");
-        }
-    }
-    worlds
-}
 
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|x| x.to_bits()).collect()
@@ -72,7 +53,7 @@ fn bits_do_not_depend_on_what_is_beside() {
             }
             let model = accurate(&load_with(name, &[("integrator", integrator)])).expect("a model");
             let options = |backend, threads| Options { threads: Some(threads), ..options(Precision::F64, backend) };
-            let mut worlds = moving(&model, NWORLD, &options(Backend::Native, 2));
+            let mut worlds = moving(&model, NWORLD, 1.0, &options(Backend::Native, 2));
             for centred in [true, false] {
                 let scheme = Scheme { centred, sensors: true, ..Scheme::default() };
                 let all = worlds.transition(&scheme).expect("derivatives");
@@ -107,7 +88,7 @@ fn a_column_is_the_difference_of_two_steps() {
                 continue;
             }
             let model = accurate(&load_with(name, &[("integrator", integrator)])).expect("a model");
-            let mut worlds = moving(&model, 2, &Options::default());
+            let mut worlds = moving(&model, 2, 1.0, &Options::default());
             // Controls inside their ranges.
             worlds.set(Field::Ctrl, 1, &vec![0.1; model.tables().sizes.nu]).expect("a world");
             let eps = 1e-6;
@@ -177,7 +158,8 @@ fn columns_of_inverse_dynamics_are_differences() {
         ("zoo/four_bar", "discrete", "disable"),
     ] {
         let model = load_with(name, &[("integrator", integrator), ("invdiscrete", discrete)]);
-        let base = copied(&moving(&model, 2, &Options::default()), &[1], &options(Precision::F64, Backend::Native));
+        let base =
+            copied(&moving(&model, 2, 1.0, &Options::default()), &[1], &options(Precision::F64, Backend::Native));
         let nv = model.tables().sizes.nv;
         let qacc: Vec<f64> = (0..nv).map(|i| 0.3 * i as f64 - 1.0).collect();
         let target = Target::Inverse(Strided::new(Values::F64(&qacc), nv));
@@ -214,7 +196,7 @@ fn columns_of_inverse_dynamics_are_differences() {
 #[test]
 fn accelerations_of_ends_are_those_of_columns() {
     let model = accurate(&load("zoo/ant")).expect("a model");
-    let base = copied(&moving(&model, 2, &Options::default()), &[1], &Options::default());
+    let base = copied(&moving(&model, 2, 1.0, &Options::default()), &[1], &Options::default());
     let found = matrices(&mut copied(&base, &[0], &Options::default()), &Target::Acceleration);
     let (nv, nu) = (model.tables().sizes.nv, model.tables().sizes.nu);
     let qacc = |change: Option<(Field, usize, f64)>| {
@@ -283,7 +265,7 @@ fn states_without_derivatives_have_none_and_say_why() {
 #[test]
 fn single_precision_is_near() {
     let model = load("zoo/ant");
-    let exact = moving(&model, 3, &Options::default());
+    let exact = moving(&model, 3, 1.0, &Options::default());
     let expected = copied(&exact, &[0, 1, 2], &Options::default()).transition(&Scheme::default()).expect("derivatives");
     let options = Options { precision: Precision::F32, ..Options::default() };
     let eps = Scheme::eps(Precision::F32, true);

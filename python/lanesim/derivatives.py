@@ -38,10 +38,11 @@ class Transition(NamedTuple):
     """Of sensors by controls, [..., nsensordata, nu]; None unless they were asked for."""
     sides: NDArray[np.int32]
     """How each column of `A`, then of `B`, was perturbed, [..., n + nu]: 2 to both sides, 1 forward, -1 backward, as controls
-    at a limit are, 0 not at all: a control's range leaves no room, and its column is zero."""
+    at a limit are, 0 not at all: a control's range leaves no room, and its column is zero; or derivatives are exact."""
     changed: NDArray[np.int32]
     """How many limits and contacts push beside the state that do not push in it, or the other way round, by columns likewise: where
-    there are some, the difference goes across a kink."""
+    there are some, the difference goes across a kink. Of exact derivatives, how many rows are within a millionth of where they begin or
+    cease to act, or to slide."""
     status: NDArray[np.int32]
     """Bits of `Status`: what happened to each state and to those beside it, [...]."""
 

@@ -204,7 +204,7 @@ impl Worlds {
     ) -> Result<(), Error> {
         scheme.check(self.options.precision)?;
         if scheme.method == Method::Exact {
-            let missing = exact::missing(self.model.tables(), target.of() == Of::Transition);
+            let missing = exact::missing(self.model.tables(), target.of().exact());
             missing.map_or(Ok(()), |missing| Err(Error::Input(missing)))?;
             // Numbers, and numbers with their rates.
             let scratch = Workspace::<f64x8>::bytes(self.model.tables());

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
+use lanesim_kernels::exact;
 use lanesim_kernels::state::Status;
 
 use crate::error::Error;
@@ -48,6 +49,17 @@ pub(crate) enum Of {
     Acceleration,
     /// The force that an acceleration needs.
     Inverse,
+}
+
+impl Of {
+    /// The same, as the kernels of exact derivatives call it.
+    pub fn exact(self) -> exact::Of {
+        match self {
+            Of::Transition => exact::Of::Transition,
+            Of::Acceleration => exact::Of::Acceleration,
+            Of::Inverse => exact::Of::Inverse,
+        }
+    }
 }
 
 /// Columns that a cloud goes through together.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use lanesim::mjcf::LoadOptions;
 use lanesim::outputs::Output;
-use lanesim::{Backend, Error, Model, Options, Precision};
+use lanesim::{Backend, Controls, Error, Field, Model, Options, Precision, Rollout, Worlds};
 
 pub use random::Random;
 
@@ -45,6 +45,25 @@ pub fn all_models() -> Vec<String> {
     }
     names.sort();
     names
+}
+
+/// Worlds in states of their own, under control noise of this share of the ranges for a while.
+pub fn moving(model: &Model, nworld: usize, scale: f64, options: &Options) -> Worlds {
+    let mut worlds = Worlds::new(model, nworld, options).expect("a batch");
+    let noise = Rollout { nstep: 120, controls: Controls::Noise { seed: 3, scale }, ..Rollout::default() };
+    worlds.rollout(&noise).expect("a rollout");
+    worlds
+}
+
+/// A batch with the states of some worlds of another, as they are.
+pub fn copied(from: &Worlds, ids: &[usize], options: &Options) -> Worlds {
+    let mut worlds = Worlds::new(from.model(), ids.len(), options).expect("a batch");
+    for (field, _) in Field::ALL {
+        for (to, id) in ids.iter().enumerate() {
+            worlds.set(field, to, &from.get(field, *id).expect("a field")).expect("a world");
+        }
+    }
+    worlds
 }
 
 /// Asserts that something fails with `message` in its error.

@@ -1,18 +1,25 @@
 //! What has no exact derivatives yet, and what forces depend on.
 
+use super::Of;
 use crate::derivative;
 use crate::lane::Real;
 use crate::model::{EqualityKind, Model, Transmission};
 use crate::options::Integrator;
 
-/// What of a model has no exact derivatives, for whoever asks for them; `step`: of steps too.
-pub fn missing<T: Real>(model: &Model<T>, step: bool) -> Option<String> {
+/// What of a model has no exact derivatives of this, for whoever asks for them.
+pub fn missing<T: Real>(model: &Model<T>, of: Of) -> Option<String> {
+    let step = of == Of::Transition;
+    // Accelerations over an implicit step are not those of the solver.
+    let inverts_step = of == Of::Inverse && model.options.flags.invdiscrete && super::is_implicit(model);
     let of = |what: &str| Some(format!("{what} have no exact derivatives yet: take them by differences"));
     match model.options.integrator {
         Integrator::Rk4 if step => return of("Runge-Kutta steps"),
         Integrator::Discrete => return of("discrete steps"),
         Integrator::Midpoint if step => return of("midpoint steps"),
         _ => {}
+    }
+    if inverts_step {
+        return of("inverse dynamics of implicit steps (invdiscrete)");
     }
     if model.sizes.nguard > 0 && step {
         return of("guarded steps");

@@ -158,7 +158,7 @@ impl<L: LaneQuery> Exact<L> {
     /// What rigid bodies contribute, and forces on them from outside.
     fn rigid_bodies(&mut self, model: Instance<'_, L>, given: &Given<'_, L>, implicit: bool) {
         let Exact { position, inertia, rigid, excess, slopes, excess_slopes, .. } = self;
-        let (nv, width) = (model.sizes.nv, width(&model));
+        let width = width(&model);
         rigid::differentiate(&model, (position, inertia, rigid), true, (width, slopes));
         let applied = given.applied.into_iter().flat_map(|applied| model.bodies.iter().zip(&applied.xfrc_applied));
         for (body, x) in applied.filter(|(body, _)| body.link != NONE) {
@@ -169,9 +169,10 @@ impl<L: LaneQuery> Exact<L> {
             contacts::add_force(&model, position, (l, &at, &wrench), (width, slopes));
         }
         if implicit {
-            let added: Vec<L> = (0..nv).map(|i| self.rest.over[i].value - given.qacc[i]).collect();
-            let still = vec![L::zero(); nv];
-            let motions = Motions { qvel: &still, qacc: &added, gravity: false };
+            let (still, added) = self.step.room_for_motions();
+            let over = self.rest.over.iter().zip(given.qacc);
+            added.iter_mut().zip(over).for_each(|(added, (over, a))| *added = over.value - *a);
+            let motions = Motions { qvel: still, qacc: added, gravity: false };
             rigid::move_links(model, (position, inertia), motions, excess);
             rigid::differentiate(&model, (position, inertia, excess), false, (width, excess_slopes));
         }

@@ -18,6 +18,8 @@ pub(super) struct Step<L> {
     /// -h D: entries up to the diagonal, and above it; by dof where it has no others.
     added: [Vec<L>; 2],
     product: Vec<L>,
+    /// No velocity.
+    still: Vec<L>,
     /// Derivatives of the acceleration.
     acceleration: Vec<Strip<L>>,
     /// Scratch.
@@ -35,11 +37,19 @@ impl<L: Lane> Step<L> {
             derivative: Derivative::new(&model.sizes),
             added: [vec![zero; model.sizes.nm], vec![zero; model.sizes.nm]],
             product: vec![zero; nv],
+            still: vec![zero; nv],
             acceleration: vec![[zero; STRIP]; nv],
             other: vec![[zero; STRIP]; nv],
             next: vec![[zero; STRIP]; 2 * nv + na],
             turns: Vec::new(),
         }
+    }
+}
+
+impl<L> Step<L> {
+    /// Velocities that are zero, and room for accelerations.
+    pub fn room_for_motions(&mut self) -> (&[L], &mut [L]) {
+        (&self.still, &mut self.product)
     }
 }
 

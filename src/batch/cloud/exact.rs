@@ -9,7 +9,6 @@ use wide::f64x8;
 
 use super::{Cloud, Work};
 use crate::block::Block;
-use crate::cloud::request::Of;
 use crate::convex::SupportCollider;
 use crate::rows::Rows;
 
@@ -78,11 +77,8 @@ impl<L: LaneQuery> Cloud<L> {
         workspace: &Workspace<L>,
         rows: &mut [Rows<'_>],
     ) {
-        let (of, inverse) = match work.request.of {
-            Of::Inverse => (exact::Of::Inverse, true),
-            Of::Acceleration => (exact::Of::Acceleration, false),
-            Of::Transition => (exact::Of::Transition, false),
-        };
+        let of = work.request.of.exact();
+        let inverse = of == exact::Of::Inverse;
         let qacc = if inverse { &self.given } else { &workspace.solver.fields.qacc };
         let room = self.exact.get_or_insert_with(|| Box::new(Room::new(model)));
         let count = work.ids.len();
