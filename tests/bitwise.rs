@@ -265,7 +265,8 @@ fn every_integrator() {
 #[test]
 fn large_islands() {
     let ids: Vec<usize> = (0..DIFFERENT).collect();
-    for (name, dofs) in [("zoo/balls_in_box", 120), ("zoo/capsule_pile", 72), ("zoo/box_stack", 30)] {
+    for (name, dofs) in [("zoo/heap", 224), ("zoo/balls_in_box", 120), ("zoo/capsule_pile", 72), ("zoo/box_stack", 30)]
+    {
         for cone in ["pyramidal", "elliptic"] {
             let model = load_with(name, &[("cone", cone)]);
             assert_eq!(model.tables().sizes.nv, dofs, "{name}");

@@ -36,7 +36,7 @@ fn midpoint<T>(model: &Model<T>) -> bool {
 /// What the stages write.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)] // each field is the stage of the same name
-pub struct Workspace<L> {
+pub struct Workspace<L: Lane> {
     pub position: Position<L>,
     pub tendons: Tendons<L>,
     pub inertia: Inertia<L>,
@@ -65,7 +65,7 @@ pub struct Workspace<L> {
     pub double: Option<Box<Double>>,
 }
 
-impl<L> Workspace<L> {
+impl<L: Lane> Workspace<L> {
     /// The stages that do without constraints, of a step that `kicks`, or of another evaluation.
     pub fn smooth(&mut self, kicks: bool) -> Smooth<'_, L> {
         let Workspace { position, tendons, inertia, velocity, passive, actuation, acceleration, derivative, .. } = self;

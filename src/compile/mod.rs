@@ -120,7 +120,11 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let limits = constraints::limits(spec, &scene, &tendons.table, inverse);
     let friction_losses = constraints::friction_losses(spec, &scene, &tendons.table, inverse);
     let listed: Vec<Vec<u32>> = equalities.joining().chain(tendons.joining(&limits, &friction_losses)).collect();
-    let (rows, nm) = rows::skyline(&dofs, (&pairs.pairs, &pairs.dofs), &listed).unwrap_or_else(|n| {
+    let joined = !listed.is_empty() || !tendons.table.is_empty();
+    let own = kernel::Strips::own(&dofs, &pairs.pairs, joined, &spec.option);
+    // What contacts couple is not stored where every world has a Hessian of its own.
+    let coupling = if own.is_empty() { &pairs.pairs[..] } else { &[] };
+    let (rows, nm) = rows::skyline(&dofs, (coupling, &pairs.dofs), &listed).unwrap_or_else(|n| {
         let message = format!("{n} degrees of freedom are coupled: the inertia matrix is too large");
         diagnostics.push(
             &Source::default(),
@@ -182,6 +186,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         surfaces: sensors.surfaces.into(),
         rows,
         tiles: Default::default(),
+        own,
         tree_pattern: Default::default(),
         mean_inertia: mean(&derived.dof_m0),
         qpos0: joints::qpos0(&scene),

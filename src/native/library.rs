@@ -98,7 +98,8 @@ impl<T: Float> Common<T> {
             let stage = op.stage();
             let absent = match op {
                 Op::Equality => tables.equalities.is_empty(),
-                Op::Spread | Op::Aim | Op::Motion | Op::Settle => tables.tiles.is_empty(),
+                Op::Spread | Op::Aim => tables.tiles.is_empty(),
+                Op::Motion | Op::Settle => tables.tiles.is_empty() && tables.own.is_empty(),
                 Op::Sweep => layout.is_none(),
                 Op::Combine => tables.options.integrator != Integrator::Rk4,
                 _ => false,
@@ -403,7 +404,7 @@ impl<T: Float> ModelCode<T> {
         let pairs = |has: &dyn Fn(&lanesim_kernels::model::Pair<T>) -> bool| tables.pairs.iter().any(has);
         let both = pairs(&|pair| pair.sides != Sides::One);
         let listed = tables.equalities.iter().any(|equality| equality.cross) || tables.tendon_joins().next().is_some();
-        let joins = tables.tiles.is_empty() && (listed || pairs(&|pair| pair.cross));
+        let joins = tables.tiles.is_empty() && tables.own.is_empty() && (listed || pairs(&|pair| pair.cross));
         let primal = tables.options.solver != options::Solver::Pgs;
         let newton = tables.options.solver == options::Solver::Newton;
         let noslip = tables.options.noslip_iterations > 0;

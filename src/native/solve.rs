@@ -72,6 +72,10 @@ impl<'a, L: Block> Solve<'a, L> {
             return None;
         }
         let (cross, joining) = (constraint.cross, constraint.joining());
+        // A world's own factor is not code.
+        if cross && !code.tables.own.is_empty() {
+            return None;
+        }
         // Whatever of them acts later fits where all do.
         let full = || [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
         if tiled && cross {
@@ -259,6 +263,10 @@ impl<L: Block> Parts for Solve<'_, L> {
                 bind((root, code), session, part, call);
             }
         }
+    }
+
+    fn sparse(&mut self, _: bool, _: u32) {
+        unreachable!("a solve in which trees touch is not lent where every world has a factor of its own");
     }
 
     fn fill(&mut self, acting: u32) -> part::Factor {

@@ -143,6 +143,12 @@ fn direct<L: LaneQuery>(open: u32, parts: &mut dyn Parts) -> Factor {
         parts.run(Part::new(Op::Motion), [open; 2]);
         return factor;
     }
+    if factor == Factor::Sparse {
+        parts.run(Part::new(Op::Curve), [open; 2]);
+        parts.sparse(false, open);
+        parts.run(Part::new(Op::Motion), [open; 2]);
+        return factor;
+    }
     if factor == Factor::Tree && !parts.rows().iter().any(couples) {
         parts.run(Part::new(Op::Turn), [open; 2]);
         return factor;
@@ -155,13 +161,18 @@ fn direct<L: LaneQuery>(open: u32, parts: &mut dyn Parts) -> Factor {
 
 /// One more step from the factor at hand.
 fn polish(factor: Factor, ahead: u32, parts: &mut dyn Parts) {
-    if factor == Factor::Tiles {
-        parts.run(Part::new(Op::Aim), [ahead; 2]);
-        parts.tiles(Phase::Solve, ahead);
-        parts.run(Part::new(Op::Settle), [ahead; 2]);
-    } else {
-        parts.run(Part::of(Op::Polish, u32::from(factor == Factor::Filled)), [ahead; 2]);
+    match factor {
+        Factor::Tiles => {
+            parts.run(Part::new(Op::Aim), [ahead; 2]);
+            parts.tiles(Phase::Solve, ahead);
+        }
+        Factor::Sparse => parts.sparse(true, ahead),
+        Factor::Tree | Factor::Filled => {
+            parts.run(Part::of(Op::Polish, u32::from(factor == Factor::Filled)), [ahead; 2]);
+            return;
+        }
     }
+    parts.run(Part::new(Op::Settle), [ahead; 2]);
 }
 
 /// Finds the step along the search direction to the minimum, in the worlds of `open`. Returns those that take a full step on

@@ -72,7 +72,7 @@ fn is_implicit<T>(model: &Model<T>) -> bool {
 
 /// Room for the derivatives of a block's worlds, and these.
 #[derive(Clone, Debug)]
-pub struct Exact<L> {
+pub struct Exact<L: Lane> {
     position: Position<L>,
     dual_position: Position<Tangent<L>>,
     inertia: Inertia<L>,

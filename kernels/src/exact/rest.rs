@@ -38,7 +38,7 @@ pub(super) struct Found<L> {
 
 /// Everything over dual numbers.
 #[derive(Clone, Debug)]
-pub(super) struct Rest<L> {
+pub(super) struct Rest<L: Lane> {
     pub reach: Reach,
     /// Whether actuators count.
     pub driven: bool,

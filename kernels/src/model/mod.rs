@@ -12,6 +12,7 @@ mod heights;
 mod hull;
 mod pattern;
 mod sensors;
+mod strips;
 mod tables;
 mod tendon;
 mod tiles;
@@ -25,9 +26,10 @@ pub use heights::HeightField;
 pub use hull::{Hull, HullFace};
 pub use pattern::{Pattern, Rows};
 pub use sensors::{Bound, ContactField, Ray, RayField, Reduce, Sensor, SensorKind, Side, Surface, Target};
+pub use strips::{Crossing, LONGEST, Strips};
 pub use tables::*;
 pub use tendon::{Passes, Round, Stretch, StretchDof, Tendon, TendonDof};
-pub use tiles::{LONGEST, Patch, Tiles};
+pub use tiles::{Patch, Tiles};
 pub use varied::{Instance, Quantities, Quantity, Varied};
 
 use std::ops::Range;
@@ -255,6 +257,8 @@ pub struct Model<T> {
     pub rows: Rows,
     /// Storage of the Hessian where trees touch.
     pub tiles: Tiles,
+    /// Strips of dofs if every world has a Hessian with a pattern of its own instead, because many trees can touch; else empty.
+    pub own: Strips,
     /// Sparsity of the inertia matrix: row `i` has the ancestors of dof `i`.
     pub tree_pattern: Pattern,
     /// Σ over dofs of the inertia matrix's diagonal in the reference configuration divided by nv (`stat.meaninertia`).
@@ -396,6 +400,7 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             surfaces: self.surfaces.clone(),
             rows: self.rows.clone(),
             tiles: self.tiles.clone(),
+            own: self.own.clone(),
             tree_pattern: self.tree_pattern.clone(),
             mean_inertia: self.mean_inertia.cast(),
             qpos0: self.qpos0.cast(),

@@ -3,13 +3,9 @@
 
 use std::collections::HashMap;
 
-use super::{Dof, Model, NONE, Pair, PairDof, Sides, Span};
+use super::{Crossing, LONGEST, Model, Pair, PairDof, Sides, Span, Strips};
 use crate::options::Solver;
 
-/// Most dofs of a strip: tiles of so many rows and columns nearly fit into the registers of a core.
-pub const LONGEST: usize = 6;
-/// Most strips for which places of all tiles are kept.
-const MOST_STRIPS: usize = 512;
 /// Fewest dofs of a model for which tiles pay.
 const FEWEST_DOFS: usize = 24;
 
@@ -69,19 +65,20 @@ impl Tiles {
         let apart = |pair: &Pair<f64>| pair.sides == Sides::Apart && pair.cross;
         // Rows along tendons add to the skyline.
         let joined = model.equalities.iter().any(|equality| equality.cross) || !model.tendons.is_empty();
-        let (strips, strip_of) = strips(&model.dofs);
         let newton = model.options.solver == Solver::Newton;
-        let small = model.sizes.nv < FEWEST_DOFS || strips.len() > MOST_STRIPS;
-        if small || joined || !newton || !model.pairs.iter().any(apart) {
+        let small = model.sizes.nv < FEWEST_DOFS;
+        if small || joined || !newton || !model.own.is_empty() || !model.pairs.iter().any(apart) {
             return Tiles::default();
         }
-        let mut tiles = Tiles { lens: strips.iter().map(|strip| strip.len).collect(), strips, ..Tiles::default() };
+        let strips = Strips::new(&model.dofs);
+        let lens = strips.spans.iter().map(|strip| strip.len).collect();
+        let mut tiles = Tiles { lens, strips: strips.spans.clone(), ..Tiles::default() };
         tiles.lens.sort_unstable();
         tiles.lens.dedup();
         let mut entries = 0;
         for (i, strip) in tiles.strips.iter().enumerate() {
             let lowest = strip.range().map(|dof| model.rows.first[dof]).min().unwrap_or(strip.start);
-            let first = strip_of[lowest as usize];
+            let first = strips.of(lowest);
             tiles.firsts.push(first);
             tiles.starts.push(entries);
             entries += tiles.strips[first as usize..=i].iter().map(|column| strip.len * column.len).sum::<u32>();
@@ -91,7 +88,7 @@ impl Tiles {
         for (number, pair) in (0..).zip(&model.pairs) {
             let start = tiles.patches.len() as u32;
             if pair.sides != Sides::One && !pair.rigid() {
-                tiles.join((number, pair.condim), &model.pair_dofs[pair.dofs.range()], &strip_of, &mut shapes);
+                tiles.join((number, pair.condim), &model.pair_dofs[pair.dofs.range()], &strips, &mut shapes);
             }
             tiles.of_pairs.push(Span { start, len: tiles.patches.len() as u32 - start });
         }
@@ -103,30 +100,19 @@ impl Tiles {
         &mut self,
         (pair, dim): (u32, u32),
         dofs: &[PairDof],
-        strip_of: &[u32],
+        strips: &Strips,
         shapes: &mut HashMap<(u32, u32, u32, u32, bool), u32>,
     ) {
-        let mut runs: Vec<(u32, Span)> = vec![];
-        for (n, entry) in (0..).zip(dofs) {
-            let strip = strip_of[entry.dof as usize];
-            match runs.last_mut() {
-                Some((last, run)) if *last == strip => run.len += 1,
-                _ => runs.push((strip, Span { start: n, len: 1 })),
+        for Crossing { strips: [i, j], rows, columns, place: [row, column] } in strips.crossings(dofs) {
+            let stride = self.strips[j as usize].len;
+            let target = self.start(i as usize, j as usize) + row * stride + column;
+            let next = self.shapes.len() as u32;
+            let shape = *shapes.entry((dim, rows.len, columns.len, stride, i == j)).or_insert(next);
+            let patch = Patch { shape, strips: [i, j], rows, columns, target, stride };
+            if shape == next {
+                self.shapes.push((pair, patch));
             }
-        }
-        for (r, (i, rows)) in runs.iter().enumerate() {
-            for (j, columns) in &runs[..=r] {
-                let stride = self.strips[*j as usize].len;
-                let place = |strip: u32, run: &Span| dofs[run.start as usize].dof - self.strips[strip as usize].start;
-                let target = self.start(*i as usize, *j as usize) + place(*i, rows) * stride + place(*j, columns);
-                let next = self.shapes.len() as u32;
-                let shape = *shapes.entry((dim, rows.len, columns.len, stride, i == j)).or_insert(next);
-                let patch = Patch { shape, strips: [*i, *j], rows: *rows, columns: *columns, target, stride };
-                if shape == next {
-                    self.shapes.push((pair, patch));
-                }
-                self.patches.push(patch);
-            }
+            self.patches.push(patch);
         }
     }
 
@@ -184,27 +170,4 @@ impl Tiles {
             count(*len, &mut lens.iter().copied()) <= count(*len, &mut self.strips.iter().map(|strip| strip.len))
         })
     }
-}
-
-/// The strips of dofs, and that of each: runs along a chain without a branch.
-fn strips(dofs: &[Dof<f64>]) -> (Vec<Span>, Vec<u32>) {
-    let mut children = vec![0_u32; dofs.len()];
-    dofs.iter().filter(|dof| dof.parent != NONE).for_each(|dof| children[dof.parent as usize] += 1);
-    let mut strips: Vec<Span> = vec![];
-    let mut of = Vec::with_capacity(dofs.len());
-    for (i, dof) in (0..).zip(dofs) {
-        match strips.last_mut() {
-            Some(strip)
-                if i > 0
-                    && dof.parent == i - 1
-                    && children[dof.parent as usize] == 1
-                    && (strip.len as usize) < LONGEST =>
-            {
-                strip.len += 1;
-            }
-            _ => strips.push(Span { start: i, len: 1 }),
-        }
-        of.push(strips.len() as u32 - 1);
-    }
-    (strips, of)
 }

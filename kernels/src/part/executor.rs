@@ -6,7 +6,7 @@ use super::{Family, Item, Op, Part, Step};
 use crate::constraint::ContactRow;
 use crate::lane::LaneQuery;
 use crate::model::{Model, Quantities, Sides};
-use crate::solver::{Phase, Work};
+use crate::solver::{Phase, Work, sparse};
 
 /// Runs parts for a block: here by their kernels over lanes; whoever has code for some runs that, with the same results up to
 /// signs of zeros.
@@ -55,6 +55,8 @@ pub trait Parts {
     fn fill(&mut self, acting: u32) -> Factor;
     /// Works on the tiles of the Hessian, for which the factor was last made fit.
     fn tiles(&mut self, phase: Phase, lanes: u32);
+    /// Newton's direction in these lanes, world by world; of `again`, from the factors at hand.
+    fn sparse(&mut self, again: bool, lanes: u32);
 }
 
 /// How the Hessian is factored.
@@ -66,6 +68,8 @@ pub enum Factor {
     Filled,
     /// By tiles.
     Tiles,
+    /// In every world by itself.
+    Sparse,
 }
 
 /// No code: kernels do everything.
@@ -161,6 +165,9 @@ impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
             return if joined { Factor::Tiles } else { Factor::Tree };
         }
         let joins = |row: &&ContactRow| row.lanes & acting != 0 && model.pairs[row.pair as usize].cross;
+        if !model.own.is_empty() {
+            return if rows.iter().any(|row| joins(&row)) { Factor::Sparse } else { Factor::Tree };
+        }
         let constraint = &step.ws.constraint;
         let joined = || constraint.joining() & acting != 0 || rows.iter().any(|row| joins(&row));
         if !constraint.cross || !joined() {
@@ -188,5 +195,14 @@ impl<L: LaneQuery> Parts for OneByOne<'_, '_, L> {
             }
         }
         step.ws.solver.tiling = tiling;
+    }
+
+    fn sparse(&mut self, again: bool, lanes: u32) {
+        let (problem, _, work) = self.step.solver();
+        if again {
+            sparse::solve(&problem, lanes, work);
+        } else {
+            sparse::direct(&problem, &self.rows, lanes, work);
+        }
     }
 }

@@ -137,10 +137,12 @@ impl Fill {
     }
 }
 
-/// Whether some contact, equality constraint or row along a tendon joins branches.
+/// Whether some contact, equality constraint or row along a tendon joins branches in a Hessian that all worlds of a block share.
 pub(super) fn joins<T>(model: &Model<T>) -> bool {
     let equalities = || model.equalities.iter().any(|equality| equality.cross);
-    model.pairs.iter().any(|pair| pair.cross) || equalities() || model.tendon_joins().next().is_some()
+    (model.own.is_empty() && model.pairs.iter().any(|pair| pair.cross))
+        || equalities()
+        || model.tendon_joins().next().is_some()
 }
 
 /// Words of bits, and most runs. A row of n columns below the diagonal has at most (n + 1)/2 runs.

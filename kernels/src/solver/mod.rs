@@ -24,6 +24,7 @@ mod probe;
 mod qcqp;
 mod residual;
 mod rows;
+pub mod sparse;
 mod tiles;
 mod tiling;
 mod whitened;
@@ -166,7 +167,7 @@ impl<L: Lane> Statistics<L> {
 
 /// Everything that a solver needs beyond the constraint's rows.
 #[derive(Clone, Debug)]
-pub struct SolverWork<L> {
+pub struct SolverWork<L: Lane> {
     /// Vectors and matrices.
     pub fields: Solver<L>,
     /// y = J a - a_ref of the current iterate.
@@ -190,6 +191,8 @@ pub struct SolverWork<L> {
     pub fill: Fill,
     /// What is done with the tiles of the Hessian.
     pub tiling: Tiling,
+    /// Hessians of worlds that have their own.
+    pub sparse: sparse::Sparse<L>,
     /// Links with contacts in the block, or carrying such links.
     pub touched: Vec<bool>,
     /// Statistics of the last solve.
@@ -225,6 +228,7 @@ impl<L: Lane> SolverWork<L> {
             },
             fill: Fill::new(model),
             tiling: Tiling::default(),
+            sparse: sparse::Sparse::default(),
             touched: vec![false; model.sizes.nlink],
             statistics: Statistics::none(),
         }
@@ -240,7 +244,8 @@ impl<L: Lane> SolverWork<L> {
         fields.saturating_add(
             rows + past
                 + dual::Dual::<L>::bytes(model, [dof, component, model.sizes.ne], contacts)
-                + Fill::bytes(model),
+                + Fill::bytes(model)
+                + sparse::bytes(model, size_of::<L>() / size_of::<L::Real>()),
         )
     }
 }

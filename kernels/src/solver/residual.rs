@@ -26,7 +26,7 @@ pub fn measure_residual<L: Lane>(problem: &Problem<'_, L>, active: L::Mask, work
 }
 
 /// Puts scratch in the place of the row forces and of their generalised force, or puts them back.
-fn swap_results<L>(work: &mut SolverWork<L>) {
+fn swap_results<L: Lane>(work: &mut SolverWork<L>) {
     std::mem::swap(&mut work.force, &mut work.spare);
     std::mem::swap(&mut work.fields.qfrc_constraint, &mut work.fields.msearch);
 }
