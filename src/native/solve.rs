@@ -56,7 +56,9 @@ impl<'a, L: Block> Solve<'a, L> {
         step: &'a mut Step<'_, L>,
     ) -> Option<Self> {
         let constraint = &step.ws.constraint;
-        if step.model.options.solver == options::Solver::Pgs {
+        // A world's own factor is not code.
+        let own = constraint.cross && !code.tables.own.is_empty();
+        if own || step.model.options.solver == options::Solver::Pgs {
             return None;
         }
         let set = code.solves(root)?;
@@ -72,10 +74,6 @@ impl<'a, L: Block> Solve<'a, L> {
             return None;
         }
         let (cross, joining) = (constraint.cross, constraint.joining());
-        // A world's own factor is not code.
-        if cross && !code.tables.own.is_empty() {
-            return None;
-        }
         // Whatever of them acts later fits where all do.
         let full = || [Op::Descend, Op::Polish].into_iter().all(|op| code.get(root, Part::of(op, 1)).is_some());
         if tiled && cross {
