@@ -102,7 +102,7 @@ pub fn smooth<L: Lane>(
         end(Stage::Velocity);
     }
     if runs(Stage::Passive) {
-        passive::passive(model, passive::Stages { position, tendons, velocity }, &state.qpos, &state.qvel, passive);
+        passive::passive(model, passive::Stages { position, tendons, velocity }, state, passive);
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {

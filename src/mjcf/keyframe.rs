@@ -27,9 +27,7 @@ pub(super) fn read(tree: &Tree, kept: &[bool], lost_coordinates: bool, report: &
         key.ctrl = reader.all("ctrl");
         key.mpos = reader.all("mpos");
         key.mquat = reader.all("mquat");
-        if reader.all("plastic").is_some() {
-            reader.report.unsupported(element, "plastic states (plastic) are");
-        }
+        key.plastic = reader.all("plastic");
         if kept.contains(&false) {
             drop_actuators(&mut key, kept, report, element);
         }

@@ -20,6 +20,7 @@ mod document;
 mod equality;
 mod geom;
 mod heights;
+mod history;
 mod include;
 mod joint;
 mod keyframe;

@@ -169,6 +169,11 @@ impl Parameter {
             Parameter::ActuatorGainprm | Parameter::ActuatorBiasprm | Parameter::ActuatorGear if !flags.actuation => {
                 refuse("the flag actuation is off")
             }
+            Parameter::ActuatorGainprm | Parameter::ActuatorBiasprm | Parameter::ActuatorGear
+                if !model.tables().servos.is_empty() =>
+            {
+                refuse("orientation servos have several forces, which share their numbers")
+            }
             Parameter::ActuatorGainprm
                 if model.basis().damping_ratios && !others.contains(&Parameter::ActuatorBiasprm) =>
             {
@@ -262,7 +267,7 @@ impl Parameter {
             Parameter::ActuatorBiasprm => i % PRM < 3 && kind("actuator_biastype") == AFFINE,
             Parameter::ActuatorGear => match model.tables().actuators[i / 6].transmission {
                 Transmission::Scalar | Transmission::Tendon | Transmission::SliderCrank => i.is_multiple_of(6),
-                Transmission::Body => false,
+                Transmission::Body | Transmission::Turn | Transmission::TurnBetween => false,
                 Transmission::Ball | Transmission::BallInParent => i % 6 < 3,
                 Transmission::Free | Transmission::FreeInParent | Transmission::Site | Transmission::Relative => true,
             },

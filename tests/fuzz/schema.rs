@@ -75,7 +75,7 @@ pub const RULES: &[Rule] = &[
     row(
         "joint",
         "name=JOINT class=@CLASS type=hinge|slide|ball|free pos=v3 axis=v3 range=v2 limited=true|false|auto \
-            stiffness=n damping=n armature=n frictionloss=n springref=n ref=n margin=n springdamper=v2 solreflimit=v2 \
+            stiffness=n damping=n armature=n frictionloss=n springref=n springyield=n ref=n margin=n springdamper=v2 solreflimit=v2 \
             solimplimit=v5 solreffriction=v2 solimpfriction=v5 actuatorfrcrange=v2 actuatorfrclimited=b \
             actuatorgravcomp=b group=i user=v2 joint1=@JOINT joint2=@JOINT polycoef=v5 active=b solref=v2 solimp=v5 joint=@JOINT coef=n",
         "",
@@ -106,7 +106,7 @@ pub const RULES: &[Rule] = &[
     row(
         "motor",
         "name=ACTUATOR class=@CLASS joint=@JOINT jointinparent=@JOINT site=@SITE tendon=@TENDON gear=v6 ctrlrange=v2 \
-            ctrllimited=true|false|auto forcerange=v2 forcelimited=b group=i armature=n damping=n lengthrange=v2 delay=n \
+            ctrllimited=true|false|auto forcerange=v2 forcelimited=b group=i armature=n damping=n lengthrange=v2 delay=n nsample=i interp=zoh|linear|cubic \
             refsite=@SITE body=@BODY cranksite=@SITE slidersite=@SITE cranklength=n user=v2",
         "",
     ),

@@ -6,7 +6,8 @@
 
 use std::f64::consts::PI;
 
-use super::{Integration, activations, advance};
+use super::{Integration, advance};
+use crate::actuation::activations;
 use crate::fields::fields;
 use crate::lane::{Lane, Real, sin_cos};
 use crate::math::vec3::{cross, norm, scale_add};
@@ -28,7 +29,7 @@ fields! {
         /// Where they lead.
         pub qpos: Vec<L> = sizes.nq,
         /// The low words of that.
-        pub low: Vec<L> = sizes.nlow.saturating_sub(1),
+        pub low: Vec<L> = if sizes.nlow > 0 { sizes.nq } else { 0 },
     } L
 }
 
@@ -71,14 +72,14 @@ impl<L: Lane> Rk4<L> {
         [rate, rates, qaccs, act_dots].into_iter().for_each(|sums| sums.fill(L::zero()));
     }
 
-    /// Takes over what evaluation `part` of the present stage has found, the accelerations with constraints and without and the rates of
-    /// activations, and moves on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
+    /// Takes over what evaluation `part` of the present stage has found, the accelerations with constraints and without, the rates of
+    /// activations and what motors' bristles gain, and moves on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
     /// Worlds that are not `good` stay as they are. Returns the others whose accelerations and next state are usable.
     pub fn take(
         &mut self,
         model: &Model<L::Real>,
         part: usize,
-        ([qacc, qacc_smooth], act_dot): ([&[L]; 2], &[L]),
+        ([qacc, qacc_smooth], (act_dot, bristles)): ([&[L]; 2], (&[L], &[L])),
         state: &State<L>,
         good: L::Mask,
         out: &mut Integration<L>,
@@ -111,7 +112,7 @@ impl<L: Lane> Rk4<L> {
         if last {
             let Integration { act, .. } = out;
             // What a lost world would have is judged with the rest of its state.
-            activations(model, &state.act, act_dots, act);
+            activations(model, &state.act, (act_dots, bristles), act);
         } else {
             for (i, rate) in act_dot.iter().enumerate() {
                 take(&mut out.act[i], L::of(reach).mul_add(*rate, state.act[i]));
