@@ -149,13 +149,18 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
     tree
 }
 
-/// Refuses a surface that moves where no number is, or where steps do not know of it.
+/// Refuses an ellipsoid in a medium, and a surface that moves, where no number is, or where steps do not know of it.
 fn check_surface(spec: &Spec, geom: &Geom, index: usize, diagnostics: &mut Diagnostics) {
     let mut element = Element { label: label("geom", &geom.name, index), source: &geom.source, diagnostics };
     let fluid = geom.fluid.unwrap_or_default();
     element.finite("fluidcoef", &fluid);
+    let (discrete, o) = (spec.option.integrator == Integrator::Discrete, &spec.option);
+    if geom.fluid.is_some() && discrete && (o.density != 0.0 || o.viscosity != 0.0) {
+        let message = "fluidshape ellipsoid in a medium, which integrator discrete does not support";
+        element.refuse(message, "set integrator=\"implicitfast\"");
+    }
     let finite = element.finite("surfacevel", &geom.surfacevel);
-    if finite && geom.surfacevel != [0.0; 6] && spec.option.integrator == Integrator::Discrete {
+    if finite && geom.surfacevel != [0.0; 6] && discrete {
         let message = "surfacevel, which integrator discrete does not support";
         element.refuse(message, "set integrator=\"implicitfast\"");
     }

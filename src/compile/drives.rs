@@ -189,6 +189,9 @@ fn check_controls(a: &Actuator, element: &mut Element) {
     if a.gain == Gain::So3 {
         check_servo(a, element);
     }
+    if !pid && (a.velrange.is_some() || a.ffrange.is_some()) {
+        element.refuse("velrange or ffrange, but it is no controller", "remove them, or use the element pid");
+    }
     if !pid && !motor {
         return;
     }

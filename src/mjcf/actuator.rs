@@ -227,8 +227,15 @@ impl RawActuator {
         self.named = Some(text.to_string());
     }
 
+    /// Takes over what a class says the controls are.
+    fn adopt_input(&mut self, donor: Option<&RawActuator>) {
+        self.named = donor.and_then(|donor| donor.named.clone());
+        self.common.inputs = donor.map_or(Vec::new(), |donor| donor.common.inputs.clone());
+    }
+
     /// What a controller's gains follow: those of a class that the same shortcut or `general` wrote.
     fn read_pid(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        self.adopt_input(donor);
         let (mut prm, mut windup, mut slew) = ([1.0, 0.0, 0.0], 0.0, 0.0);
         if let Some(donor) = donor {
             prm = [-donor.biasprm[1], donor.biasprm[2], donor.gainprm[0]];
@@ -260,6 +267,7 @@ impl RawActuator {
     }
 
     fn read_orientation(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        self.adopt_input(donor);
         let (mut kp, mut damping) = donor.map_or((1.0, 0.0), |donor| (donor.gainprm[0], donor.biasprm[2]));
         reader.real("kp", &mut kp);
         read_damping(&mut damping, reader);
@@ -270,6 +278,7 @@ impl RawActuator {
     /// A motor's numbers: those of a class that the same shortcut or `general` wrote, and what is given. As in MuJoCo, the nominal point tells
     /// what neither the constants nor the resistance do.
     fn read_dcmotor(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        self.adopt_input(donor);
         let (mut gain, mut bias, mut dynamics) =
             donor.map_or(([0.0; 10], [0.0; 10], [0.0; 10]), |donor| (donor.gainprm, donor.biasprm, donor.dynprm));
         self.read_input(reader);
@@ -440,6 +449,12 @@ impl RawActuator {
     /// Sets the laws of a shortcut, which has no activation unless it says so.
     fn set(&mut self, gain: Law, gainprm: &[f64], bias: Law, biasprm: &[f64]) {
         (self.gain, self.bias) = (gain, bias);
+        if gain != Law::Pid {
+            (self.common.velrange, self.common.ffrange) = (None, None);
+        }
+        if !matches!(gain, Law::Pid | Law::DcMotor | Law::So3) {
+            self.adopt_input(None);
+        }
         self.gainprm = [0.0; 10];
         self.gainprm[..gainprm.len()].copy_from_slice(gainprm);
         self.biasprm = [0.0; 10];
@@ -492,7 +507,8 @@ impl RawActuator {
         let (dim, actuator) = (self.actdim, self.resolve(transmission, reader));
         let has = actuator.activations();
         if dim >= 0 && usize::try_from(dim) != Ok(has) {
-            let message = format!("attribute \"actdim\": {dim}, but the actuator has {has} activations");
+            let has = ["no activation", "one activation"].get(has).map_or(format!("{has} activations"), |has| (*has).into());
+            let message = format!("attribute \"actdim\": {dim}, but the actuator has {has}");
             reader.report.error(reader.element, message, "remove it");
         }
         Some(actuator)
