@@ -88,8 +88,7 @@ impl Field {
     };
 
     /// What makes up a row of the output `state`, in its order: MuJoCo's `mjSTATE_FULLPHYSICS`.
-    pub const STATE: [Field; 6] =
-        [Field::Time, Field::Qpos, Field::Qvel, Field::Act, Field::History, Field::Plastic];
+    pub const STATE: [Field; 6] = [Field::Time, Field::Qpos, Field::Qvel, Field::Act, Field::History, Field::Plastic];
 
     /// The field of a name.
     pub fn named(name: &str) -> Option<Field> {

@@ -651,7 +651,7 @@ pub struct Key {
     /// What it says of single bodies, beside `qpos` and `qvel`: of models that are attached.
     pub parts: Vec<KeyPart>,
     /// Controls of single actuators by name, beside `ctrl`, likewise.
-    pub controls: Vec<(String, f64)>,
+    pub controls: Vec<(String, Vec<f64>)>,
     /// Where it was written.
     pub source: Source,
 }

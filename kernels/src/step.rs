@@ -36,7 +36,7 @@ pub fn evaluate<L: LaneQuery>(
         clock.start();
     }
     run.stages = run.stages | Stages::STEP;
-    if !model.sensor_rings.is_empty() {
+    if !model.sensor_rings.is_empty() && model.options.flags.sensor {
         // The histories take what they measure.
         (run.stages, run.keep) = (run.stages | Stages::up_to(Stage::Sensor), true);
     }

@@ -2,7 +2,8 @@
 
 use lanesim_kernels::actuation::{self, Actuation};
 use lanesim_kernels::model::{
-    Actuator, Control, Controller, Dynamics, Instance, Joint, JointKind, Model, MomentDof, Motor, Mount, Muscle, NONE, Servo, Span, Transmission,
+    Actuator, Control, Controller, Dynamics, Instance, Joint, JointKind, Model, MomentDof, Motor, Mount, Muscle, NONE,
+    Servo, Span, Transmission,
 };
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::tendon;

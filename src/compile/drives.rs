@@ -177,9 +177,7 @@ fn check_controls(a: &Actuator, element: &mut Element) {
     let kinds = match (pid, motor) {
         (true, _) => a.bias == Bias::Affine && matches!(a.dynamics, Dynamics::None | Dynamics::Pid),
         (_, true) => a.bias == Bias::DcMotor && a.dynamics == Dynamics::DcMotor,
-        _ if a.gain == Gain::So3 => {
-            a.bias == Bias::So3 && matches!(a.dynamics, Dynamics::None | Dynamics::Integrator)
-        }
+        _ if a.gain == Gain::So3 => a.bias == Bias::So3 && matches!(a.dynamics, Dynamics::None | Dynamics::Integrator),
         _ => !matches!(a.bias, Bias::DcMotor | Bias::So3) && !matches!(a.dynamics, Dynamics::Pid | Dynamics::DcMotor),
     };
     if !kinds {

@@ -48,9 +48,8 @@ impl Histories {
         let controls = || spec.actuators.iter().map(|actuator| &actuator.history).zip(controls.iter().copied());
         let sensors = || spec.sensors.iter().map(|sensor| &sensor.history).zip(sensors.iter().map(|table| table.data));
         let kept = controls().chain(sensors()).filter(|(history, _)| history.nsample > 0);
-        let numbers = kept
-            .map(|(history, of)| Ring::len(history.nsample, of.len as usize))
-            .fold(0, usize::saturating_add);
+        let numbers =
+            kept.map(|(history, of)| Ring::len(history.nsample, of.len as usize)).fold(0, usize::saturating_add);
         if numbers > MOST_NUMBERS {
             let message = format!("histories have {numbers} numbers");
             diagnostics.push(&Default::default(), "nsample", message, format!("use at most {MOST_NUMBERS}"));

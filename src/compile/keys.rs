@@ -44,7 +44,7 @@ pub(crate) fn keys(
         for (name, x) in &key.controls {
             if let Some(actuator) = spec.actuators.iter().position(|actuator| actuator.name == *name) {
                 let before = spec.actuators[..actuator].iter().map(crate::spec::Actuator::controls).sum::<usize>();
-                ctrl[before..before + spec.actuators[actuator].controls()].fill(*x);
+                copy(&mut ctrl, before, x);
             }
         }
         for joint in &scene.joints {

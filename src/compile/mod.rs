@@ -153,7 +153,10 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
     let keys = keys::keys(spec, &scene, (&joints, &plastic0), &histories.numbers);
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
-        sizes: histories.counted(sizes((&scene, &links), &tendons, &actuators, &pairs, &equalities, &sensors, nm, plastic0.len())),
+        sizes: Sizes {
+            nplastic: plastic0.len(),
+            ..histories.counted(sizes((&scene, &links), &tendons, &actuators, &pairs, &equalities, &sensors, nm))
+        },
         options: spec.option.clone().limited(),
         features: features(&spec.option, &links, &joints, &dofs, &tendons.table, &actuators),
         joints,
@@ -344,7 +347,6 @@ fn sizes(
     equalities: &equality::Equalities,
     sensors: &Sensors,
     nm: usize,
-    nplastic: usize,
 ) -> Sizes {
     let measures = |what: fn(SensorKind) -> bool| sensors.table.iter().any(|sensor| what(sensor.kind));
     // Torques of welds go by orientations.
@@ -384,7 +386,7 @@ fn sizes(
         nguard: 0,
         nlow: 0,
         nhistory: 0,
-        nplastic,
+        nplastic: 0,
         ndelayed: 0,
         nmeasured: 0,
         ntendon: tendons.table.len(),

@@ -3,8 +3,8 @@
 //! A class holds one actuator record, whatever tag wrote it. Mechanical attributes (ranges, gear, ...) inherit from that
 //! record; the parameters of a shortcut (kp, kv, ...) only from a record that the same shortcut or `general` wrote.
 
-use super::reader::Reader;
 use super::history::history;
+use super::reader::Reader;
 use super::report::quoted;
 use crate::spec::{Actuator, Bias, Dynamics, Gain, Input, Transmission, Tri, is_limited};
 use crate::suggest::or_list;
@@ -212,7 +212,8 @@ impl RawActuator {
         const WORDS: [&str; 8] = ["pos", "vel", "ff", "voltage", "pressure", "expmap", "quat", "none"];
         let Some(text) = reader.element.get("input").filter(|text| !text.trim().is_empty()) else { return };
         let words: Vec<&str> = text.split_ascii_whitespace().collect();
-        let places: Vec<Option<usize>> = words.iter().map(|word| WORDS.iter().position(|known| known == word)).collect();
+        let places: Vec<Option<usize>> =
+            words.iter().map(|word| WORDS.iter().position(|known| known == word)).collect();
         if let Some(unknown) = places.iter().position(Option::is_none) {
             let remedy = or_list(words[unknown], WORDS);
             let message = format!("attribute \"input\": {} is unknown", quoted(words[unknown]));
@@ -220,7 +221,11 @@ impl RawActuator {
         }
         if !places.is_sorted_by(|a, b| a < b) || words.len() > 1 && words.contains(&"none") {
             let message = format!("attribute \"input\": {} are not once each and in order", quoted(text));
-            return reader.report.error(reader.element, message, "give any of pos, vel, ff, voltage, in this order, or none");
+            return reader.report.error(
+                reader.element,
+                message,
+                "give any of pos, vel, ff, voltage, in this order, or none",
+            );
         }
         let known = |word: &&str| Input::ALL.iter().find(|(known, _)| known == word).map(|(_, input)| *input);
         self.common.inputs = words.iter().filter_map(known).collect();
@@ -507,7 +512,8 @@ impl RawActuator {
         let (dim, actuator) = (self.actdim, self.resolve(transmission, reader));
         let has = actuator.activations();
         if dim >= 0 && usize::try_from(dim) != Ok(has) {
-            let has = ["no activation", "one activation"].get(has).map_or(format!("{has} activations"), |has| (*has).into());
+            let has =
+                ["no activation", "one activation"].get(has).map_or(format!("{has} activations"), |has| (*has).into());
             let message = format!("attribute \"actdim\": {dim}, but the actuator has {has}");
             reader.report.error(reader.element, message, "remove it");
         }

@@ -76,7 +76,8 @@ const PID: &str = "dampratio ffrange imax inheritrange input ki kp kv posrange s
 /// What a motor has of other actuators; its force is bounded by `saturation`.
 const DRIVEN: &str = "armature cranklength ctrllimited ctrlrange damping delay gear group interp nsample user";
 const DCMOTOR: &str = "cogging controller inductance input lugre motorconst nominal resistance saturation thermal";
-const ORIENTATION: &str = "ctrllimited ctrlrange dampratio delay forcelimited forcerange group input interp kp kv nsample user";
+const ORIENTATION: &str =
+    "ctrllimited ctrlrange dampratio delay forcelimited forcerange group input interp kp kv nsample user";
 const MUSCLE: &str = "force fpmax fvmax lmax lmin range scale timeconst vmax";
 
 static MUJOCO: Rule = Rule {

@@ -343,7 +343,7 @@ impl Part {
                 let actuator = find(&names.actuators, "actuator", name)?;
                 let own = |u: &usize| tables.controls[*u].actuator as usize == actuator;
                 Place::Controls((0..tables.sizes.nu).filter(own).collect())
-            },
+            }
             Quantity::Site(name) | Quantity::Body(name) | Quantity::Com(name) | Quantity::Sensor(name) => {
                 let known = sensor.or_else(|| names.sensors.id(name)).map(|sensor| tables.sensors[sensor].data.range());
                 Place::Sensors(known.unwrap_or_default().collect())

@@ -306,7 +306,9 @@ fn has_some(data: &ArrayData) -> bool {
 fn reflected(model: &Model, own: &[f64], array: &str) -> Vec<f64> {
     let tables = model.tables();
     let mut added = vec![0.0; tables.joints.len()];
-    for (actuator, x) in tables.actuators.iter().zip(real(model, array)) {
+    let all = real(model, array);
+    for actuator in &tables.actuators {
+        let x = all.get(actuator.id as usize).copied().unwrap_or(0.0);
         // What acts on sites has none.
         if let Some(added) = added.get_mut(actuator.joint as usize) {
             *added += x * (actuator.gear[0] * actuator.gear[0]);

@@ -13,7 +13,8 @@ pub struct Rule {
 
 const BODY: &str =
     "body frame replicate joint freejoint geom site inertial camera light include composite flexcomp plugin";
-const ACTUATORS: &str = "motor position velocity general damper intvelocity cylinder muscle adhesion pid dcmotor orientation plugin";
+const ACTUATORS: &str =
+    "motor position velocity general damper intvelocity cylinder muscle adhesion pid dcmotor orientation plugin";
 
 const fn row(tag: &'static str, attributes: &'static str, children: &'static str) -> Rule {
     Rule { tag, attributes, children }
@@ -126,14 +127,22 @@ pub const RULES: &[Rule] = &[
     ),
     row("damper", "name=ACTUATOR joint=@JOINT kv=n ctrlrange=v2", ""),
     row("intvelocity", "name=ACTUATOR joint=@JOINT kp=n kv=n actrange=v2 inheritrange=n", ""),
-    row("pid", "name=ACTUATOR class=@CLASS joint=@JOINT kp=n kv=n ki=n imax=n slewmax=n input=t velrange=v2 ffrange=v2 ctrlrange=v2 nsample=i", ""),
+    row(
+        "pid",
+        "name=ACTUATOR class=@CLASS joint=@JOINT kp=n kv=n ki=n imax=n slewmax=n input=t velrange=v2 ffrange=v2 ctrlrange=v2 nsample=i",
+        "",
+    ),
     row(
         "dcmotor",
         "name=ACTUATOR class=@CLASS joint=@JOINT resistance=n motorconst=v2 nominal=v3 inductance=v2 thermal=v6 saturation=v3 \
             cogging=v3 lugre=v5 controller=v6 input=t ctrlrange=v2",
         "",
     ),
-    row("orientation", "name=ACTUATOR class=@CLASS joint=@JOINT site=@SITE refsite=@SITE kp=n kv=n dampratio=n input=t forcerange=v2", ""),
+    row(
+        "orientation",
+        "name=ACTUATOR class=@CLASS joint=@JOINT site=@SITE refsite=@SITE kp=n kv=n dampratio=n input=t forcerange=v2",
+        "",
+    ),
     row("cylinder", "name=ACTUATOR joint=@JOINT area=n diameter=n bias=v3", ""),
     row(
         "muscle",

@@ -27,7 +27,7 @@ const MASKS: usize = 2;
 /// Most columns of windows.
 const MOST_COLUMNS: usize = 16;
 /// Words of a set of fields.
-const WORDS: usize = 3;
+const WORDS: usize = 4;
 /// Sets of fields that are remembered.
 const SETS: usize = 64;
 
@@ -257,7 +257,7 @@ impl<'a, T: Float> Lending<'a, T> {
     ///
     /// # Panics
     ///
-    /// If the number is 192 or more.
+    /// If the number is 256 or more.
     #[inline(always)]
     pub fn lend(&mut self, number: usize, field: FieldSlice<'a, T>) {
         // Exposed: code that was bound in an earlier session uses the address.

@@ -16,10 +16,13 @@ pub(super) struct Turned<L> {
     pub reach: L,
 }
 
+/// A controller, and what it makes of its controls.
+pub(super) type Commanded<'a, L> = (&'a Controller<<L as Lane>::Real>, Command<L>);
+
 /// Torque of a motor, and the rates of its activations. `volts` is the voltage that it is told.
 #[inline(always)]
 pub(super) fn turn<L: Lane>(
-    (own, controller): (&Motor<L::Real>, Option<(&Controller<L::Real>, Command<L>)>),
+    (own, controller): (&Motor<L::Real>, Option<Commanded<'_, L>>),
     volts: L,
     (act, length, velocity): (&[L], L, L),
     timestep: f64,
@@ -74,14 +77,11 @@ pub(super) fn turn<L: Lane>(
 
 /// Voltage of a motor's controller, which makes up for that of the motion, and what it gains with length and with velocity.
 #[inline(always)]
-fn voltage<L: Lane>(
-    own: &Motor<L::Real>,
-    controller: Option<(&Controller<L::Real>, Command<L>)>,
-    length: L,
-    velocity: L,
-) -> (L, [L; 2]) {
+fn voltage<L: Lane>(own: &Motor<L::Real>, controller: Option<Commanded<'_, L>>, length: L, velocity: L) -> (L, [L; 2]) {
     let zero = L::zero();
-    let Some((controller, Command { told: [pos, vel, force], integral })) = controller else { return (zero, [zero; 2]) };
+    let Some((controller, Command { told: [pos, vel, force], integral })) = controller else {
+        return (zero, [zero; 2]);
+    };
     let [kp, kd] = controller.gains.map(L::splat);
     let pull = kd.mul_add(vel - velocity, kp.mul_add(pos - length, force));
     let torque = L::splat(controller.ki).mul_add(integral, pull);

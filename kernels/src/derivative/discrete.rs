@@ -6,7 +6,9 @@ use super::actuators::{Gain, gains, products};
 use crate::lane::Lane;
 use crate::math::vec3::norm;
 use crate::model::{Features, Instance, Joint, JointKind, Model, MomentDof, Tendon};
-use crate::passive::{damper_slope, joint_rest, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest};
+use crate::passive::{
+    damper_slope, joint_rest, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest,
+};
 use crate::state::State;
 use crate::tendon::{self, Tendons};
 

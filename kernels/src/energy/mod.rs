@@ -72,7 +72,9 @@ fn spring_energy<L: Lane>(joint: &Joint<L::Real>, [a, b, c]: &[L; 3], (q, plasti
         inner * r * r
     };
     match joint.kind {
-        JointKind::Free => stored(norm(&shift_from_rest(joint, q))) + stored(norm(&twist_from_rest(joint, &q[3..], 3, plastic))),
+        JointKind::Free => {
+            stored(norm(&shift_from_rest(joint, q))) + stored(norm(&twist_from_rest(joint, &q[3..], 3, plastic)))
+        }
         JointKind::Ball => stored(norm(&twist_from_rest(joint, q, 0, plastic))),
         JointKind::Slide | JointKind::Hinge => stored(q[0] - joint_rest(joint, plastic, 0)),
     }

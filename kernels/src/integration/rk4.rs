@@ -79,7 +79,7 @@ impl<L: Lane> Rk4<L> {
         &mut self,
         model: &Model<L::Real>,
         part: usize,
-        ([qacc, qacc_smooth], (act_dot, bristles)): ([&[L]; 2], (&[L], &[L])),
+        ([qacc, qacc_smooth], [act_dot, bristles]): ([&[L]; 2], [&[L]; 2]),
         state: &State<L>,
         good: L::Mask,
         out: &mut Integration<L>,

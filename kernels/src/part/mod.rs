@@ -424,7 +424,7 @@ parts! {
             let Workspace { actuation, acceleration, solver, integration: next, rk4, .. } = &mut **ws;
             let Some(rk4) = rk4 else { return };
             let accelerations = [&solver.fields.qacc[..], &acceleration.qacc_smooth];
-            let (number, rates) = (part.of as usize, (&actuation.act_dot[..], &actuation.reach[..]));
+            let (number, rates) = (part.of as usize, [&actuation.act_dot[..], &actuation.reach]);
             let good = rk4.take(model, number, (accelerations, rates), state, good, next);
             if number + 1 == Rk4::<L>::PARTS {
                 // An acceleration on the way counts by the states to which it leads.

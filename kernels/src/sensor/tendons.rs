@@ -21,12 +21,7 @@ pub struct Push<L> {
 }
 
 /// Calls `f` with what each spatial tendon does to bodies, piece by piece; `plastic` is where springs rest that yield.
-pub fn pushes<L: Lane>(
-    model: Instance<'_, L>,
-    stages: &Stages<'_, L>,
-    plastic: &[L],
-    mut f: impl FnMut(Push<L>),
-) {
+pub fn pushes<L: Lane>(model: Instance<'_, L>, stages: &Stages<'_, L>, plastic: &[L], mut f: impl FnMut(Push<L>)) {
     for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| !tendon.fixed()) {
         let force = along(model, t, stages, plastic);
         for stretch in &model.stretches[tendon.stretches.range()] {
