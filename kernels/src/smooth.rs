@@ -208,6 +208,9 @@ fn all_changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
     if model.sizes.na > 0 {
         all.push("actuation.act_dot");
     }
+    if model.sizes.nmotor > 0 {
+        all.push("actuation.reach");
+    }
     // Rows of equality constraints read accelerations of links.
     if !model.equalities.is_empty() {
         all.push("velocity.cacc");

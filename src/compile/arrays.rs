@@ -393,7 +393,7 @@ fn actuators(s: &Sources, out: &mut Arrays) {
     out.reals("actuator_gainprm", 10, written.iter().flat_map(|a| a.gainprm));
     let bias = |(a, t): (&crate::spec::Actuator, &lanesim_kernels::model::Actuator<f64>)| {
         let mut prm = a.biasprm;
-        if a.bias == Bias::Affine {
+        if matches!(a.bias, Bias::Affine | Bias::So3) {
             prm[..3].copy_from_slice(&t.bias);
         }
         prm

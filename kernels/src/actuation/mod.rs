@@ -132,8 +132,6 @@ pub fn actuation<L: Lane>(
             (actuation.input[a], actuation.force[a]) = (L::zero(), L::zero());
             continue;
         }
-        let input = nearest(model, a, input, length);
-        actuation.input[a] = input;
         if let Some(servo) = model.servos.get(actuator.servo as usize) {
             let (first, told) = (servo.first as usize, acting(state, &actuation.told));
             if a == first {
@@ -145,6 +143,8 @@ pub fn actuation<L: Lane>(
             actuation.force[a] = model.gain(a)[0].mul_add(actuation.input[a], hold * velocity);
             continue;
         }
+        let input = nearest(model, a, input, length);
+        actuation.input[a] = input;
         if actuator.transmission == Transmission::Body {
             // Its contacts are not known yet.
             actuation.force[a] = L::zero();

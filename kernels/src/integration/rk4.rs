@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Integration, advance};
+use super::{Integration, advance, later};
 use crate::actuation::activations;
 use crate::fields::fields;
 use crate::lane::{Lane, Real, sin_cos};
@@ -26,6 +26,8 @@ fields! {
         pub qaccs: Vec<L> = sizes.nv,
         /// Weighted sum of the rates of activations.
         pub act_dots: Vec<L> = sizes.na,
+        /// What motors' bristles gain, as the first evaluation has it.
+        pub bristles: Vec<L> = sizes.nmotor,
         /// Where they lead.
         pub qpos: Vec<L> = sizes.nq,
         /// The low words of that.
@@ -79,13 +81,16 @@ impl<L: Lane> Rk4<L> {
         &mut self,
         model: &Model<L::Real>,
         part: usize,
-        ([qacc, qacc_smooth], [act_dot, bristles]): ([&[L]; 2], [&[L]; 2]),
+        ([qacc, qacc_smooth], [act_dot, reach_of_bristles]): ([&[L]; 2], [&[L]; 2]),
         state: &State<L>,
         good: L::Mask,
         out: &mut Integration<L>,
     ) -> L::Mask {
         let h = model.options.timestep;
-        let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, qpos, low } } = self;
+        let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, bristles, qpos, low } } = self;
+        if part == 0 {
+            bristles.copy_from_slice(reach_of_bristles);
+        }
         // Of the accelerations only the first is held against the largest number, as for other integrators.
         let judged = if part == 0 { qacc } else { &[] };
         let good = judged.iter().fold(good, |good, a| good & a.within(L::Real::MAXVAL));
@@ -127,7 +132,9 @@ impl<L: Lane> Rk4<L> {
             take(stage.low.get_mut(1..).unwrap_or_default(), &out.low);
             take(&mut stage.qvel, &out.qvel);
             take(&mut stage.act, &out.act);
-            take(&mut stage.time, &[state.time[0] + L::of(reach)]);
+            let [time, low] = later(reach, state);
+            take(&mut stage.time, &[time]);
+            take(stage.low.get_mut(..1).unwrap_or_default(), &[low]);
             for (i, warm) in stage.qacc_warmstart.iter_mut().enumerate() {
                 *warm = L::select(good, qacc[i] - qacc_smooth[i], *warm);
             }

@@ -416,7 +416,7 @@ parts! {
     /// [`integration::replace`]: worlds that go on.
     Combine: "rk4", Integration, Family::Options(4), 1 => 1, shared [Quantity::Zero],
         changes ["between.time", "between.qpos", "between.low", "between.qvel", "between.act", "between.qacc_warmstart", "rates.rate", "rates.rates",
-            "rates.qaccs", "rates.act_dots", "integration.qpos", "integration.low", "integration.qvel",
+            "rates.qaccs", "rates.act_dots", "rates.bristles", "integration.qpos", "integration.low", "integration.qvel",
             "integration.act", "integration.qacc", "state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time",
             "state.low"],
         |part, step, _, (good, put)| {
