@@ -209,7 +209,7 @@ fn all_changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
         all.push("actuation.act_dot");
     }
     if model.sizes.nmotor > 0 {
-        all.push("actuation.reach");
+        all.push("actuation.bent");
     }
     // Rows of equality constraints read accelerations of links.
     if !model.equalities.is_empty() {

@@ -8,7 +8,6 @@ mod servo;
 mod transmission;
 
 pub use body::bodies;
-pub use servo::within as servo_within;
 
 use crate::fields::fields;
 use crate::lane::{Lane, Mask, Real};
@@ -36,8 +35,8 @@ fields! {
         pub turned: Vec<[L; 4]> = sizes.nservo,
         /// What the forces of motors gain with length and with velocity.
         pub slopes: Vec<[L; 2]> = sizes.nmotor,
-        /// What the bristles of motors gain in a step per unit of their rate.
-        pub reach: Vec<L> = sizes.nmotor,
+        /// How far the bristles of motors are bent after a step, at the velocity at which it begins.
+        pub bent: Vec<L> = sizes.nmotor,
         /// Rates of activations.
         pub act_dot: Vec<L> = sizes.na,
         /// Force.
@@ -118,7 +117,7 @@ pub fn actuation<L: Lane>(
             let of = (&act[..], length, velocity);
             let turned = motor::turn((own, motor), volts, of, model.options.timestep, act_dot);
             let at = actuator.motor as usize;
-            (actuation.slopes[at], actuation.reach[at]) = (turned.slopes, turned.reach);
+            (actuation.slopes[at], actuation.bent[at]) = (turned.slopes, turned.bent);
             actuation.input[a] = volts;
             actuation.force[a] = if actuator.disabled { L::zero() } else { turned.force };
             continue;
@@ -249,8 +248,8 @@ fn advance<L: Lane>(actuator: &Actuator<L::Real>, w: L, rate: L, reach: L) -> L 
     if actuator.act_limited { clamp(next, &actuator.act_range) } else { next }
 }
 
-/// Next activations, from their rates and what motors' bristles gain ([`Actuation::reach`]).
-pub fn activations<L: Lane>(model: &Model<L::Real>, act: &[L], (rates, reach): (&[L], &[L]), out: &mut [L]) {
+/// Next activations, from their rates, and motors' bristles as they will be ([`Actuation::bent`]).
+pub fn activations<L: Lane>(model: &Model<L::Real>, act: &[L], (rates, bent): (&[L], &[L]), out: &mut [L]) {
     if !model.features.actuation {
         return out.copy_from_slice(act);
     }
@@ -268,8 +267,10 @@ pub fn activations<L: Lane>(model: &Model<L::Real>, act: &[L], (rates, reach): (
         }
         if let Some(own) = model.motors.get(actuator.motor as usize) {
             take(own.temperature, step);
-            take(own.bristle, reach[actuator.motor as usize]);
             take(own.current, L::splat(own.electric[1]));
+            if let Some(w) = act.get(own.bristle as usize) {
+                out[own.bristle as usize] = if actuator.disabled { *w } else { bent[actuator.motor as usize] };
+            }
         }
     }
 }

@@ -12,8 +12,8 @@ pub(super) struct Turned<L> {
     pub force: L,
     /// What it gains with length and with velocity.
     pub slopes: [L; 2],
-    /// What its bristles gain in a step per unit of their rate.
-    pub reach: L,
+    /// How far its bristles are bent after a step.
+    pub bent: L,
 }
 
 /// A controller, and what it makes of its controls.
@@ -53,7 +53,7 @@ pub(super) fn turn<L: Lane>(
         let [gain, loss] = own.heating.map(L::splat);
         rates[own.temperature as usize] = loss.neg_mul_add(*warmer, resistance * heats * heats * gain);
     }
-    let mut out = Turned { force: constant * current, slopes: slopes.map(|slope| constant * slope), reach: zero };
+    let mut out = Turned { force: constant * current, slopes: slopes.map(|slope| constant * slope), bent: zero };
     if own.cogs {
         let [amplitude, periods, phase] = own.cogging.map(L::splat);
         let (sin, cos) = sin_cos(periods.mul_add(length, phase));
@@ -70,7 +70,7 @@ pub(super) fn turn<L: Lane>(
         rates[own.bristle as usize] = rate;
         out.force -= stiffness.mul_add(*bent, damping * rate);
         out.slopes[1] -= damping;
-        out.reach = relaxed(decay, timestep);
+        out.bent = rate.mul_add(relaxed(decay, timestep), *bent);
     }
     out
 }

@@ -173,8 +173,8 @@ impl<L: Lane> Rest<L> {
         if super::is_implicit(model) {
             self.exceed(model);
         }
-        let Actuation { act_dot, reach, .. } = &self.ws.actuation;
-        actuation::activations(model, &self.state.act, (act_dot, reach), &mut self.act);
+        let Actuation { act_dot, bent, .. } = &self.ws.actuation;
+        actuation::activations(model, &self.state.act, (act_dot, bent), &mut self.act);
         self.found.act.iter_mut().zip(&self.act).for_each(|(out, x)| *out = x.rate);
     }
 

@@ -26,7 +26,7 @@ fields! {
         pub qaccs: Vec<L> = sizes.nv,
         /// Weighted sum of the rates of activations.
         pub act_dots: Vec<L> = sizes.na,
-        /// What motors' bristles gain, as the first evaluation has it.
+        /// How far motors' bristles will be bent, as the first evaluation has it.
         pub bristles: Vec<L> = sizes.nmotor,
         /// Where they lead.
         pub qpos: Vec<L> = sizes.nq,
@@ -75,13 +75,13 @@ impl<L: Lane> Rk4<L> {
     }
 
     /// Takes over what evaluation `part` of the present stage has found, the accelerations with constraints and without, the rates of
-    /// activations and what motors' bristles gain, and moves on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
+    /// activations and how far motors' bristles will be bent, and moves on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
     /// Worlds that are not `good` stay as they are. Returns the others whose accelerations and next state are usable.
     pub fn take(
         &mut self,
         model: &Model<L::Real>,
         part: usize,
-        ([qacc, qacc_smooth], [act_dot, reach_of_bristles]): ([&[L]; 2], [&[L]; 2]),
+        ([qacc, qacc_smooth], [act_dot, bent]): ([&[L]; 2], [&[L]; 2]),
         state: &State<L>,
         good: L::Mask,
         out: &mut Integration<L>,
@@ -89,7 +89,7 @@ impl<L: Lane> Rk4<L> {
         let h = model.options.timestep;
         let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, bristles, qpos, low } } = self;
         if part == 0 {
-            bristles.copy_from_slice(reach_of_bristles);
+            bristles.copy_from_slice(bent);
         }
         // Of the accelerations only the first is held against the largest number, as for other integrators.
         let judged = if part == 0 { qacc } else { &[] };

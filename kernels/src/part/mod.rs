@@ -404,7 +404,7 @@ parts! {
             } else {
                 integration::euler(*model, (position, inertia), state.positions(), &state.qvel, qacc, forces, next);
             }
-            actuation::activations(model, &state.act, (&actuation.act_dot, &actuation.reach), &mut next.act);
+            actuation::activations(model, &state.act, (&actuation.act_dot, &actuation.bent), &mut next.act);
             let good = integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state);
             if let Some(kick) = kick.as_deref_mut().filter(|_| model.sizes.nguard > 0) {
                 kick::book(*model, (position, inertia), &next.qvel, kick);
@@ -424,7 +424,7 @@ parts! {
             let Workspace { actuation, acceleration, solver, integration: next, rk4, .. } = &mut **ws;
             let Some(rk4) = rk4 else { return };
             let accelerations = [&solver.fields.qacc[..], &acceleration.qacc_smooth];
-            let (number, rates) = (part.of as usize, [&actuation.act_dot[..], &actuation.reach]);
+            let (number, rates) = (part.of as usize, [&actuation.act_dot[..], &actuation.bent]);
             let good = rk4.take(model, number, (accelerations, rates), state, good, next);
             if number + 1 == Rk4::<L>::PARTS {
                 // An acceleration on the way counts by the states to which it leads.
