@@ -413,9 +413,8 @@ fn discrete_steps_end_where_springs_and_dampers_are_taken() {
 #[test]
 fn what_discrete_steps_refuse() {
     let expected = [
-        "a medium (density, viscosity) under integrator discrete is not supported (set integrator=\"implicitfast\"",
-        "a medium (density, viscosity) under integrator discrete is not supported (set integrator=\"implicitfast\"",
-        "a medium (density, viscosity) under integrator discrete is not supported (set integrator=\"implicitfast\"",
+        "fluidshape ellipsoid in a medium, which integrator discrete does not support (set integrator=\"implicitfast\")",
+        "fluidshape ellipsoid in a medium, which integrator discrete does not support (set integrator=\"implicitfast\")",
         "actuator \"pad\": acts on a body, which integrator discrete does not support (set integrator=\"implicitfast\")",
         "geom \"belt\": surfacevel, which integrator discrete does not support (set integrator=\"implicitfast\")",
         "actuator #0: its force follows the motion of several branches, which is not supported under integrator discrete \

@@ -14,6 +14,11 @@ fields! {
         pub qvel: Vec<L> = sizes.nv,
         /// Activations.
         pub act: Vec<L> = sizes.na,
+        /// Histories of actuators' controls and of sensors, as MuJoCo lays them out: of each a number of its own, the place of the newest
+        /// sample, the times of all (s), and their values. Only of those with `nsample`.
+        pub history: Vec<L> = sizes.nhistory,
+        /// Where springs rest that yield: m or rad, quaternions (w, x, y, z) of balls; the two lengths of tendons.
+        pub plastic: Vec<L> = sizes.nplastic,
         /// Controls; kept from step to step.
         pub ctrl: Vec<L> = sizes.nu,
         /// Where the solver starts: qacc - qacc_smooth of the last step, m/s^2, rad/s^2.
@@ -31,7 +36,8 @@ fields! {
         /// about the centre of mass, world axes, and impulses since then (angular first; N m s, N s). All 0: it starts anew from the next
         /// velocities. Only of models with the option `guard`.
         pub tree_guard: Vec<[L; 15]> = sizes.nguard,
-        /// What time, then positions, have beyond the digits of single precision (see [`low`](crate::math::low)). Read and set with them.
+        /// What time, then positions, then histories have beyond the digits of single precision (see [`low`](crate::math::low)). Read and set
+        /// with them.
         pub low: Vec<L> = sizes.nlow,
     } L
 }
@@ -40,6 +46,17 @@ impl<L> State<L> {
     /// Positions and their low words, of which double precision has none.
     pub fn positions(&self) -> [&[L]; 2] {
         [&self.qpos, self.low.get(1..).unwrap_or(&[])]
+    }
+
+    /// Histories and their low words, likewise.
+    pub fn past(&self) -> [&[L]; 2] {
+        [&self.history, self.low.get(1 + self.qpos.len()..).unwrap_or(&[])]
+    }
+
+    /// The same, to be changed.
+    pub fn past_mut(&mut self) -> [&mut [L]; 2] {
+        let first = 1 + self.qpos.len();
+        [&mut self.history, self.low.get_mut(first..).unwrap_or(&mut [])]
     }
 }
 
@@ -52,6 +69,8 @@ impl<L: Copy> State<L> {
             qpos,
             qvel,
             act,
+            history,
+            plastic,
             ctrl,
             eq_active,
             qacc_warmstart,
@@ -65,6 +84,8 @@ impl<L: Copy> State<L> {
         qpos.copy_from_slice(&other.qpos);
         qvel.copy_from_slice(&other.qvel);
         act.copy_from_slice(&other.act);
+        history.copy_from_slice(&other.history);
+        plastic.copy_from_slice(&other.plastic);
         ctrl.copy_from_slice(&other.ctrl);
         eq_active.copy_from_slice(&other.eq_active);
         qacc_warmstart.copy_from_slice(&other.qacc_warmstart);

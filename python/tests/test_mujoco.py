@@ -127,11 +127,6 @@ def test_changes_after_loading_count() -> None:
 @pytest.mark.parametrize(
     "head, tail, reason",
     [
-        (
-            "",
-            "<tendon><fixed name='t' stiffness='1' springyield='1'><joint joint='j' coef='1'/></fixed></tendon>",
-            'MjModel: fixed "t": .*springyield',
-        ),
         ("<option integrator='discrete'><flag ipc='enable'/></option>", "", "incremental potential contact"),
     ],
 )
@@ -148,8 +143,7 @@ def test_what_is_not_supported_is_refused_with_the_reason(head, tail, reason) ->
 def lenient_loads(tmp_path: pathlib.Path):
     text = TWO.format(
         head="",
-        tail="<tendon><fixed name='w' stiffness='1' springyield='1'><joint joint='j' coef='1'/></fixed>"
-        "<fixed name='v' stiffness='1' springyield='1'><joint joint='j' coef='1'/></fixed></tendon>",
+        tail="<worldbody><geom name='w' size='.1' adhesion='1'/><geom name='v' size='.1' adhesion='1'/></worldbody>",
     )
     (tmp_path / "two.xml").write_text(text)
     yield lambda: lanesim.Model.from_xml_string(text, lenient=True)
@@ -165,8 +159,8 @@ def test_losses_are_one_warning_and_in_the_report(tmp_path) -> None:
             model = load()
         (warning,) = caught
         assert issubclass(warning.category, lanesim.LossWarning) and issubclass(warning.category, UserWarning)
-        assert warning.filename == __file__ and 'fixed "w"' in str(warning.message)
-        assert len(model.report().losses) == 2 and 'fixed "v"' in model.report().losses[1]
+        assert warning.filename == __file__ and 'geom "w"' in str(warning.message)
+        assert len(model.report().losses) == 2 and 'geom "v"' in model.report().losses[1]
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             pickle.loads(pickle.dumps(model))

@@ -44,7 +44,9 @@ pub(super) fn ranges(spec: &Spec, tables: &Model<f64>, diagnostics: &mut Diagnos
     }
     match super::compile(&bare(spec)) {
         Ok(model) => {
-            let ends = pull_all(model.tables(), options, &pulled);
+            let row = |a: &usize| spec.actuators[..*a].iter().map(spec::Actuator::outputs).sum();
+            let rows: Vec<usize> = pulled.iter().map(row).collect();
+            let ends = pull_all(model.tables(), options, &rows);
             for (a, sides) in pulled.into_iter().zip(ends.chunks_exact(2)) {
                 out[a] = judge(spec, options, a, [sides[0], sides[1]], diagnostics);
             }
@@ -58,7 +60,7 @@ fn needed(options: &LengthRange, actuator: &spec::Actuator) -> bool {
     match options.mode {
         LengthRangeMode::None => false,
         LengthRangeMode::Muscle => actuator.gain == Gain::Muscle || actuator.bias == Bias::Muscle,
-        LengthRangeMode::All => true,
+        LengthRangeMode::All => actuator.gain != Gain::So3,
     }
 }
 

@@ -49,7 +49,8 @@ pub(super) fn products<L: Lane>(model: Instance<'_, L>, dofs: &[MomentDof], mut 
     }
 }
 
-/// Calls `f` for every actuator whose force gains anything. A force at a bound, its own or that of its joint, gains nothing.
+/// Calls `f` for every actuator whose force gains anything. A force at a bound, its own or that of its joint, gains
+/// nothing; as in MuJoCo, that of an orientation servo does.
 #[inline(always)]
 pub(super) fn gains<L: Lane>(model: Instance<'_, L>, actuation: &Actuation<L>, mut f: impl FnMut(Gain<'_, L>)) {
     for (a, actuator) in model.actuators.iter().enumerate().filter(|(_, actuator)| actuator.follows()) {

@@ -214,7 +214,7 @@ fn damping_ratio_and_inherited_range() {
     assert!((kv[0] + 9.886162603921457).abs() < 1e-13 && (kv[1] + 9.941949534659543).abs() < 1e-13, "{kv:?}");
     agrees(&model, "actuator_acc0", &[0.39343439318420986, 0.4229667414481045]);
     agrees(&model, "actuator_ctrlrange", &[0.0, 0.4, 0.0, 0.0]);
-    assert!(model.tables().actuators[0].ctrl_limited && !model.tables().actuators[1].ctrl_limited);
+    assert!(model.tables().controls[0].limited && !model.tables().controls[1].limited);
 }
 
 #[test]
