@@ -181,6 +181,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Writes numbers from entry `at` on, or the list of row `at`.
+    #[inline]
     pub(crate) fn write(&mut self, at: usize, values: &[f64]) {
         match self {
             Rows::F64(x) => x[at..at + values.len()].copy_from_slice(values),

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays
+from . import _arrays, _reuse
 from ._states import States
 from .errors import InputError, OptionError
 from .model import Model, check_model
@@ -278,7 +278,7 @@ def _run(
     compiled.check_quaternions(states.rows["qpos"], [*leading, model.nq])
     dtype = np.float32 if choice[1] == "f32" else np.float64
     described = compiled.derivatives(of, bool(sensors))
-    arrays = [np.empty((count, *dims), np.int32 if integers else dtype) for _, dims, integers in described]
+    arrays = [_reuse.empty((count, *dims), np.int32 if integers else dtype) for _, dims, integers in described]
     scheme = (exact, None if eps is None else _number("eps", eps), bool(centred), bool(sensors))
     qacc = states.rows.get("qacc")
     with following(progress, count) as follow:

@@ -399,7 +399,8 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
         plan.stages = start.map_or(Stages::NONE, |start| start.within(plan.stages, &self.tables));
         // Columns read what the nominal evaluation leaves.
-        plan.derived = sensors || of.is_none() || request.of == Of::Inverse;
+        let followed = of.is_none() && request.scheme.method == Method::Differences;
+        plan.derived = sensors || followed || request.of == Of::Inverse;
         let mut status = BlockStatus { alive, ..BlockStatus::default() };
         let mut run = self.run(&plan, (applied.as_deref(), varied.as_deref()), code.as_mut());
         let end = &mut ends[of.map_or(NOMINAL, |(_, end)| end)];

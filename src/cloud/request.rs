@@ -1,5 +1,6 @@
 //! What is asked of a cloud, and where its results go.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use lanesim_kernels::exact;
@@ -129,6 +130,28 @@ pub(crate) struct Shape {
     nsensordata: usize,
 }
 
+/// Where some columns of slopes go in a matrix.
+pub(crate) struct Part {
+    /// Place of the matrix among the rows.
+    pub place: usize,
+    /// Its height, and its width.
+    pub height: usize,
+    pub width: usize,
+    /// Its first row among the slopes.
+    pub above: usize,
+    /// Column of the matrix in which the first of them is.
+    column: usize,
+    /// Which of the columns of slopes.
+    pub columns: Range<usize>,
+}
+
+impl Part {
+    /// Where it begins in the matrix of a world.
+    pub fn at(&self, world: usize) -> usize {
+        world * self.height * self.width + self.column
+    }
+}
+
 /// A matrix of derivatives: its name, what they are of, how many numbers that is, and its columns.
 type Matrix = (&'static str, usize, usize);
 
@@ -197,28 +220,36 @@ impl Shape {
         count: usize,
         slope: impl Fn(usize, usize) -> f64,
     ) {
-        let (n, nv, nu, ns) = (2 * self.nv + self.na, self.nv, self.nu, self.nsensordata);
-        // Of the place of a matrix, its height, its first row among the slopes, and its width.
-        let mut put = |[place, height, above, width]: [usize; 4], column: usize, before: usize, count: usize| {
-            let at = world * height * width + column;
-            rows[place].block((at, width), (if count > 0 { height } else { 0 }, count), |row, i| {
-                slope(above + row, before + i)
+        self.parts(column, count, |part| {
+            let Part { place, height, width, above, .. } = part;
+            rows[place].block((part.at(world), width), (height, part.columns.len()), |row, i| {
+                slope(above + row, part.columns.start + i)
             });
+        });
+    }
+
+    /// Calls `put` with the parts of matrices that some columns go to which follow each other and are of one kind.
+    pub fn parts(&self, column: usize, count: usize, mut put: impl FnMut(Part)) {
+        let (n, nv, nu, ns) = (2 * self.nv + self.na, self.nv, self.nu, self.nsensordata);
+        let mut put = |[place, height, above, width]: [usize; 4], column: usize, columns: Range<usize>| {
+            if !columns.is_empty() {
+                put(Part { place, height, width, above, column, columns });
+            }
         };
         // Activations and controls are of one kind.
         let states = n.saturating_sub(column).min(count);
         let control = (column + states).saturating_sub(n);
         match self.of {
-            Of::Inverse => put([column / nv, nv, 0, nv], column % nv, 0, count),
+            Of::Inverse => put([column / nv, nv, 0, nv], column % nv, 0..count),
             Of::Acceleration => {
-                put([0, nv, 0, n], column.min(n), 0, states);
-                put([1, nv, 0, nu], control, states, count - states);
+                put([0, nv, 0, n], column, 0..states);
+                put([1, nv, 0, nu], control, states..count);
             }
             Of::Transition => {
-                put([0, n, 0, n], column.min(n), 0, states);
-                put([2, ns, n, n], column.min(n), 0, states);
-                put([1, n, 0, nu], control, states, count - states);
-                put([3, ns, n, nu], control, states, count - states);
+                put([0, n, 0, n], column, 0..states);
+                put([2, ns, n, n], column, 0..states);
+                put([1, n, 0, nu], control, states..count);
+                put([3, ns, n, nu], control, states..count);
             }
         }
     }

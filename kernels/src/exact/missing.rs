@@ -1,9 +1,11 @@
 //! What has no exact derivatives yet, and what forces depend on.
 
+use std::ops::Range;
+
 use super::Of;
 use crate::derivative;
 use crate::lane::Real;
-use crate::model::{EqualityKind, Model, Transmission};
+use crate::model::{DofKind, EqualityKind, Model, Transmission};
 use crate::options::Integrator;
 
 /// What of a model has no exact derivatives of this, for whoever asks for them.
@@ -45,7 +47,25 @@ pub fn missing<T: Real>(model: &Model<T>, of: Of) -> Option<String> {
     if !model.belts.is_empty() {
         return of("surfaces that move like belts");
     }
+    if !model.own.is_empty() {
+        return of("contacts between so many trees");
+    }
     None
+}
+
+/// The dofs of its joint on whose motion the forces on a dof depend that are of this joint alone: springs and limits of rotations couple their axes.
+pub(super) fn companions<T>(model: &Model<T>, dof: usize) -> Range<usize> {
+    let joint = model.dofs[dof].joint;
+    let limited = || model.limits.iter().any(|limit| limit.ball && limit.joint == joint);
+    match model.dofs[dof].kind {
+        DofKind::FreeTranslation(k) | DofKind::FreeRotation(k) | DofKind::BallRotation(k)
+            if model.joints[joint as usize].spring || limited() =>
+        {
+            let first = dof - usize::from(k);
+            first..first + 3
+        }
+        _ => dof..dof + 1,
+    }
 }
 
 /// What forces other than those of rigid bodies and contacts depend on.

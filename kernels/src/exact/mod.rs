@@ -8,24 +8,26 @@
 //! (`rest`).
 
 mod contacts;
+mod held;
 mod missing;
 mod rest;
 mod rigid;
 mod sides;
 mod step;
+mod touch;
 
 pub use missing::missing;
 pub use sides::{STRIP, Strip};
 
 use self::contacts::{Contacts, Slopes};
 use self::rest::{Anew, Rest};
-use self::rigid::{Motions, Rigid, group};
+use self::rigid::{Motions, Rigid};
 use crate::collision::{ConvexCollider, Near, Slot};
 use crate::inertia::{self, Inertia};
 use crate::lane::{Lane, LaneQuery, Tangent};
 use crate::math::spatial::join;
 use crate::math::vec3::{add, cross, mul_add, splat};
-use crate::model::{DofKind, Instance, Model, NONE};
+use crate::model::{Actuator, Instance, Model, NONE};
 use crate::options::Integrator;
 use crate::position::{self, Position};
 use crate::state::{Applied, State};
@@ -85,8 +87,10 @@ pub struct Exact<L: Lane> {
     step: step::Step<L>,
     /// Of the residual: nv rows; columns by positions, velocities, activations, controls.
     slopes: Vec<L>,
-    /// Of the residual by accelerations, nv×nv.
-    by_acceleration: Vec<L>,
+    /// Whether contacts or others join dofs that the inertia matrix does not.
+    filled: bool,
+    /// Of the residual by accelerations: stored as the inertia matrix.
+    hessian: Vec<L>,
     /// Of (M - h D) a⁺ - M a in an implicit step.
     excess_slopes: Vec<L>,
     /// Of next activations.
@@ -109,7 +113,8 @@ impl<L: LaneQuery> Exact<L> {
             rest: Box::new(Rest::new(model)),
             step: step::Step::new(model),
             slopes: vec![zero; nv * width],
-            by_acceleration: vec![zero; nv * nv],
+            filled: false,
+            hessian: vec![zero; sizes.nm],
             excess_slopes: vec![zero; nv * width],
             act_slopes: vec![zero; na * width],
         }
@@ -130,7 +135,6 @@ impl<L: LaneQuery> Exact<L> {
         self.contacts.edges = L::zero();
         self.slopes.fill(L::zero());
         self.excess_slopes.fill(L::zero());
-        self.by_acceleration.fill(L::zero());
         let Exact { position, inertia, rigid, .. } = self;
         let motions = Motions { qvel: &given.state.qvel, qacc: given.qacc, gravity: true };
         rigid::move_links(model, (position, inertia), motions, rigid);
@@ -180,17 +184,9 @@ impl<L: LaneQuery> Exact<L> {
 
     /// What contacts contribute, and M.
     fn add_contacts(&mut self, model: Instance<'_, L>, given: &Given<'_, L>) {
-        let Exact { position, dual_position, inertia, rigid, contacts, rest, slopes, by_acceleration, .. } = self;
-        let (nv, width) = (model.sizes.nv, width(&model));
-        if !rest.reach.rigid {
-            for i in 0..nv {
-                by_acceleration[nv * i + i] = inertia.m[model.rows.diagonal(i)];
-                for j in model.tree_pattern.row(i).iter().flat_map(|run| run.range()) {
-                    let x = inertia.m[model.rows.at(i, j)];
-                    (by_acceleration[nv * i + j], by_acceleration[nv * j + i]) = (x, x);
-                }
-            }
-        }
+        let Exact { position, dual_position, inertia, rigid, contacts, rest, slopes, hessian, .. } = self;
+        hessian.copy_from_slice(&inertia.m);
+        let mut slopes = Slopes { by_state: slopes, width: width(&model), hessian };
         for n in 0..Position::<L>::COUNT {
             let still = position.field(n).iter().map(|x| Tangent::still(*x));
             dual_position.field_mut(n).iter_mut().zip(still).for_each(|(to, x)| *to = x);
@@ -202,59 +198,43 @@ impl<L: LaneQuery> Exact<L> {
             let (own, others) = slots.split_at(count);
             slots = others;
             if !own.is_empty() {
-                let mut slopes = Slopes { by_state: &mut *slopes, width, by_acceleration: &mut *by_acceleration };
                 contacts.add(instances, near, (own, given.convex), (position, dual_position, rigid), &mut slopes);
             }
         }
+        contacts.add_touches(&model, (position, rigid), &mut slopes);
     }
 
-    /// All else where forces are local: all joints at once, the turns about each axis of a ball one after the other.
+    /// All else where forces are local: all joints at once, dofs one after the other whose forces depend on each other.
     fn rest_at_once(&mut self, model: &Model<L::Real>) {
         let (nv, na, width) = (model.sizes.nv, model.sizes.na, width(model));
-        let turns = |i: usize| match model.dofs[i].kind {
-            DofKind::FreeTranslation(k) | DofKind::FreeRotation(k) | DofKind::BallRotation(k) => usize::from(k),
-            DofKind::Slide | DofKind::Hinge => 0,
-        };
-        let rounds = 1 + (0..nv).map(turns).max().unwrap_or(0);
-        // A force of a joint's block of dofs belongs to that of its dofs which was moved.
-        let moved = |i: usize, round: usize| match model.dofs[i].kind {
-            DofKind::Slide | DofKind::Hinge => (round == 0).then_some(i),
-            DofKind::FreeTranslation(k) => Some(i - usize::from(k) + round),
-            DofKind::FreeRotation(_) | DofKind::BallRotation(_) => Some(group(model, i).start + round),
-        };
-        // What the first evaluation leaves is what the next start from, and what positions leave is not at rest.
-        for (from, first) in [(Anew::Acceleration, None), (Anew::Velocity, Some(nv)), (Anew::Position, Some(0))] {
-            if from == Anew::Velocity {
-                self.inputs_at_once(model, 2 * nv, na);
-            }
+        let rounds = self.rest.companions.iter().map(|dofs| dofs.len()).max().unwrap_or(0);
+        for (from, first) in [(Anew::Position, 0), (Anew::Velocity, nv)] {
             for round in 0..rounds {
                 self.rest.rest();
-                for i in (0..nv).filter(|i| turns(*i) == round) {
+                for i in 0..nv {
                     match from {
-                        Anew::Acceleration => self.rest.move_acceleration(i),
+                        _ if self.rest.companions[i].start + round != i => {}
                         Anew::Velocity => self.rest.state.qvel[i].rate = L::one(),
                         _ => self.rest.move_position(model, i),
                     }
                 }
-                self.rest.evaluate(model, if from == Anew::Acceleration { Anew::Position } else { from });
+                self.rest.evaluate(model, from);
                 for i in 0..nv {
-                    let Some(j) = moved(i, round) else { continue };
-                    match first {
-                        None => self.by_acceleration[nv * i + j] += self.rest.found.residual[i],
-                        Some(first) => {
-                            self.slopes[width * i + first + j] += self.rest.found.residual[i];
-                            self.excess_slopes[width * i + first + j] += self.rest.found.excess[i];
-                        }
-                    }
+                    // A force belongs to that of the companions which was moved.
+                    let Some(j) = self.rest.companions[i].clone().nth(round) else { continue };
+                    self.slopes[width * i + first + j] += self.rest.found.residual[i];
+                    self.excess_slopes[width * i + first + j] += self.rest.found.excess[i];
                 }
             }
         }
+        self.rest.stiffen(model, &mut self.hessian);
+        self.inputs_at_once(model, 2 * nv, na);
     }
 
     /// Activations and controls: all at once whose actuators act on different joints.
     fn inputs_at_once(&mut self, model: &Model<L::Real>, first: usize, na: usize) {
         let width = width(model);
-        let dof = |a: usize| model.moment_dofs[model.actuators[a].moments.range().start].dof as usize;
+        let dof = |a: usize| actuator_dof(model, &model.actuators[a]);
         let nu = model.actuators.len();
         let turn = |a: usize| (0..a).filter(|b| dof(*b) == dof(a)).count();
         let rounds = (0..nu).map(turn).max().map_or(0, |most| most + 1);
@@ -295,12 +275,7 @@ impl<L: LaneQuery> Exact<L> {
         self.rest.rest();
         self.rest.evaluate(model, Anew::Position);
         self.act_slopes.fill(L::zero());
-        for j in 0..nv {
-            self.rest.rest();
-            self.rest.move_acceleration(j);
-            self.rest.evaluate(model, Anew::Acceleration);
-            (0..nv).for_each(|i| self.by_acceleration[nv * i + j] += self.rest.found.residual[i]);
-        }
+        self.rest.stiffen(model, &mut self.hessian);
         // Positions last: what they leave behind is not at rest.
         for column in (0..width).rev() {
             self.rest.rest();
@@ -325,6 +300,11 @@ impl<L: LaneQuery> Exact<L> {
             (0..na).for_each(|i| self.act_slopes[width * i + column] = self.rest.found.act[i]);
         }
     }
+}
+
+/// The dof on which an actuator acts that acts on one alone.
+fn actuator_dof<T>(model: &Model<T>, actuator: &Actuator<T>) -> usize {
+    model.moment_dofs[actuator.moments.range().start].dof as usize
 }
 
 /// Columns of the derivatives: positions, velocities, activations, controls.

@@ -3,8 +3,10 @@
 //! Where every force acts on one joint by what is known of that joint alone, one evaluation has the derivatives by all joints at once: each is read
 //! from its own joint's forces. Else there is one evaluation for each column; where forces depend on how links move, rigid bodies' forces are taken from it as well.
 
+use std::ops::Range;
+
 use super::contacts::EDGE;
-use super::missing::Reach;
+use super::missing::{Reach, companions};
 use crate::actuation::Actuation;
 use crate::constraint::DofRowKind;
 use crate::derivative;
@@ -23,7 +25,6 @@ pub(super) enum Anew {
     Position,
     Velocity,
     Input,
-    Acceleration,
 }
 
 /// What an evaluation finds, as rates.
@@ -41,12 +42,15 @@ pub(super) struct Found<L> {
 #[derive(Clone, Debug)]
 pub(super) struct Rest<L: Lane> {
     pub reach: Reach,
+    /// By dof, the dofs of its joint on whose motion forces on it depend, where forces are local.
+    pub companions: Vec<Range<usize>>,
     /// Whether actuators count.
     pub driven: bool,
     pub state: State<Tangent<L>>,
     applied: Option<Applied<Tangent<L>>>,
     varied: Option<Varied<Tangent<L>>>,
     pub ws: Workspace<Tangent<L>>,
+    /// The acceleration.
     qacc: Vec<Tangent<L>>,
     /// The acceleration over an implicit step.
     pub over: Vec<Tangent<L>>,
@@ -62,6 +66,7 @@ impl<L: Lane> Rest<L> {
         let (nv, na, zero) = (model.sizes.nv, model.sizes.na, Tangent::zero());
         Rest {
             reach: Reach::new(model),
+            companions: (0..nv).map(|i| companions(model, i)).collect(),
             driven: true,
             state: State::new(&model.sizes),
             applied: None,
@@ -122,14 +127,24 @@ impl<L: Lane> Rest<L> {
     /// Puts everything back to rest.
     pub fn rest(&mut self) {
         let State { qpos, qvel, act, ctrl, .. } = &mut self.state;
-        for x in [qpos, qvel, act, ctrl, &mut self.qacc].into_iter().flatten() {
+        for x in [qpos, qvel, act, ctrl].into_iter().flatten() {
             x.rate = L::zero();
         }
     }
 
-    /// Moves an acceleration by the dual unit.
-    pub fn move_acceleration(&mut self, dof: usize) {
-        self.qacc[dof].rate = L::one();
+    /// Adds what the residual gains with accelerations by all rows but those of contacts, as they were last evaluated.
+    pub fn stiffen(&mut self, model: &Model<L::Real>, hessian: &mut [L]) {
+        let Rest { varied, ws, .. } = self;
+        let model = Instance { model, varied: varied.as_ref() };
+        let Workspace { position, tendons, inertia, acceleration, constraint, solver, .. } = ws;
+        if constraint.is_empty() {
+            return;
+        }
+        let mean_inertia = model.mean_inertia();
+        let problem =
+            solver::Problem { model: model.model, mean_inertia, position, tendons, inertia, acceleration, constraint };
+        solver::stiffness_at(&problem, solver);
+        hessian.iter_mut().zip(&solver.fields.hessian).for_each(|(sum, x)| *sum += x.value);
     }
 
     /// How many rows on joints and tendons, as they were last evaluated, are within [`EDGE`] of where they begin or cease to act, or to slide.
@@ -149,26 +164,31 @@ impl<L: Lane> Rest<L> {
         count
     }
 
-    /// Evaluates all that may have changed.
+    /// Evaluates all that may have changed. Passive forces and rows do not change with inputs.
     pub fn evaluate(&mut self, model: &Model<L::Real>, from: Anew) {
         let reach = self.reach;
         let instance = Instance { model, varied: self.varied.as_ref() };
         smooth(instance, &self.state, self.applied.as_ref(), (reach, from), &mut self.ws);
-        rows(instance, &self.state, &self.qacc, &mut self.ws);
+        if from != Anew::Input {
+            rows(instance, &self.state, &self.qacc, &mut self.ws);
+        }
         let Workspace { inertia, passive, actuation, acceleration, solver, .. } = &self.ws;
         if reach.rigid {
             ldl::multiply(&model.rows, &model.tree_pattern, &inertia.m, &self.qacc, &mut self.inertial);
         }
         for (i, out) in self.found.residual.iter_mut().enumerate() {
             let actuated = if model.features.actuation { actuation.qfrc_actuator[i].rate } else { L::zero() };
-            let passive = if model.features.passive() { passive.qfrc_passive[i].rate } else { L::zero() };
-            let forces = match (reach.rigid, self.driven) {
+            let follows = model.features.passive() && from != Anew::Input;
+            let passive = if follows { passive.qfrc_passive[i].rate } else { L::zero() };
+            let smooth = match (reach.rigid, self.driven) {
                 (false, true) => passive + actuated,
                 (false, false) => passive,
-                (true, true) => acceleration.qfrc_smooth[i].rate - self.inertial[i].rate,
-                (true, false) => acceleration.qfrc_smooth[i].rate - actuated - self.inertial[i].rate,
+                (true, true) => acceleration.qfrc_smooth[i].rate,
+                (true, false) => acceleration.qfrc_smooth[i].rate - actuated,
             };
-            *out = -(forces + solver.fields.qfrc_constraint[i].rate);
+            let inertial = if reach.rigid { self.inertial[i].rate } else { L::zero() };
+            let rows = if from == Anew::Input { L::zero() } else { solver.fields.qfrc_constraint[i].rate };
+            *out = inertial - (smooth + rows);
         }
         if super::is_implicit(model) {
             self.exceed(model);

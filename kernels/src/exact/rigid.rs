@@ -9,7 +9,7 @@ use crate::derivative::bias::{gained, turns};
 use crate::inertia::Inertia;
 use crate::lane::Lane;
 use crate::math::spatial::{Spatial, cross_force, cross_motion, dot6, inertia_mul, join, lin, rot};
-use crate::math::vec3::{Mat3, Vec3, add, cross, dot, mul, mul_t, scale, scale_add, zero};
+use crate::math::vec3::{Mat3, Vec3, add, build, cross, dot, mul, mul_t, scale, scale_add, zero};
 use crate::model::{DofKind, Instance, Model, NONE, Sizes};
 use crate::position::Position;
 
@@ -154,7 +154,7 @@ fn gain_met<L: Lane>(gain: &[L; 12], s: &Spatial<L>) -> Vec3<L> {
 }
 
 fn parts<L: Lane>(gain: &[L; 12]) -> (Mat3<L>, Vec3<L>) {
-    (std::array::from_fn(|k| gain[k]), std::array::from_fn(|k| gain[9 + k]))
+    (build(|k| gain[k]), build(|k| gain[9 + k]))
 }
 
 /// Adds the derivatives of M a + c by positions, and if they are wanted by velocities, to the first columns of a matrix with `width` columns, rows first.

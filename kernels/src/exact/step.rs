@@ -1,14 +1,16 @@
 //! From the derivatives of the residual to those of the acceleration and of the next state, some columns at a time.
 
 use super::sides::{self, Factors, STRIP, Strip};
-use super::{Anew, Exact, Given, Of, Taker, is_implicit, width};
+use super::{Anew, Exact, Given, Of, Taker, actuator_dof, is_implicit, width};
+use crate::collision::Slot;
 use crate::derivative::{self, Derivative};
 use crate::lane::{Lane, LaneQuery, Tangent, sin_cos};
-use crate::math::vec3::{Mat3, Vec3, norm, scale};
+use crate::math::vec3::{Mat3, Vec3, build, norm, scale};
 use crate::math::{ldl, quat};
-use crate::model::{DofKind, Instance, Model};
+use crate::model::{DofKind, Instance, Model, Rows};
 use crate::options::Integrator;
 use crate::passive::damper_slope;
+use crate::solver::Fill;
 
 /// Room for some columns, and what solves an implicit step.
 #[derive(Clone, Debug)]
@@ -20,6 +22,10 @@ pub(super) struct Step<L> {
     product: Vec<L>,
     /// No velocity.
     still: Vec<L>,
+    /// Reciprocal pivots of the residual's derivative by accelerations.
+    inverse: Vec<L>,
+    /// Of some columns, in which rows they begin other than zero.
+    there: Vec<bool>,
     /// Derivatives of the acceleration.
     acceleration: Vec<Strip<L>>,
     /// Scratch.
@@ -38,6 +44,8 @@ impl<L: Lane> Step<L> {
             added: [vec![zero; model.sizes.nm], vec![zero; model.sizes.nm]],
             product: vec![zero; nv],
             still: vec![zero; nv],
+            inverse: vec![zero; nv],
+            there: vec![true; nv],
             acceleration: vec![[zero; STRIP]; nv],
             other: vec![[zero; STRIP]; nv],
             next: vec![[zero; STRIP]; 2 * nv + na],
@@ -53,13 +61,26 @@ impl<L> Step<L> {
     }
 }
 
+/// Some columns of a symmetric matrix that is stored by rows.
+fn load_symmetric<L: Lane>(rows: &Rows, from: &[L], first: usize, to: &mut [Strip<L>]) {
+    for (i, to) in to.iter_mut().enumerate() {
+        *to = build(|c| {
+            let (low, high) = (i.min(first + c), i.max(first + c));
+            match rows.first.get(high) {
+                Some(start) if *start as usize <= low => from[rows.at(high, low)],
+                _ => L::zero(),
+            }
+        });
+    }
+}
+
 /// Some columns, `STRIP` of them or what is left.
 fn load<L: Lane>(from: &[L], width: usize, first: usize, to: &mut [Strip<L>]) {
     for (row, to) in from.chunks_exact(width).zip(to) {
         let row = &row[first..];
         *to = match row.first_chunk::<STRIP>() {
             Some(all) => *all,
-            None => std::array::from_fn(|c| row.get(c).copied().unwrap_or(L::zero())),
+            None => build(|c| row.get(c).copied().unwrap_or(L::zero())),
         };
     }
 }
@@ -107,32 +128,33 @@ impl<L: LaneQuery> Exact<L> {
     pub(super) fn hand_out(&mut self, of: Of, model: Instance<'_, L>, given: &Given<'_, L>, out: &mut Taker<'_, L>) {
         let (nv, width) = (model.sizes.nv, width(&model));
         if of == Of::Inverse {
-            for (from, width, first, after) in [
-                (&self.slopes, width, 0, nv),
-                (&self.slopes, width, nv, 2 * nv),
-                (&self.by_acceleration, nv, 2 * nv, 3 * nv),
-            ] {
-                for column in (first..after).step_by(STRIP) {
-                    load(
-                        from,
-                        width,
-                        if first == 2 * nv { column - first } else { column },
-                        &mut self.step.acceleration,
-                    );
-                    out(column, STRIP.min(after - column), &self.step.acceleration);
-                }
+            for column in
+                [0, nv].into_iter().flat_map(|first| (first..first + nv).step_by(STRIP).map(move |c| (c, first + nv)))
+            {
+                let (column, after) = column;
+                load(&self.slopes, width, column, &mut self.step.acceleration);
+                out(column, STRIP.min(after - column), &self.step.acceleration);
+            }
+            for column in (0..nv).step_by(STRIP) {
+                load_symmetric(&model.rows, &self.hessian, column, &mut self.step.acceleration);
+                out(2 * nv + column, STRIP.min(nv - column), &self.step.acceleration);
             }
             return;
         }
-        sides::factor(nv, &mut self.by_acceleration);
+        self.factor(&model, given.slots);
         if of == Of::Transition {
             self.turn(model, given);
         }
         for first in (0..width).step_by(STRIP) {
             let count = STRIP.min(width - first);
-            load(&self.slopes, width, first, &mut self.step.acceleration);
-            sides::solve(&self.by_acceleration, &mut self.step.acceleration);
-            self.step.acceleration.iter_mut().flatten().for_each(|x| *x = -*x);
+            self.find_rows(&model, first..first + count);
+            let Exact { slopes, hessian, rest, step: Step { acceleration, inverse, there, .. }, filled, .. } =
+                &mut *self;
+            load(slopes, width, first, acceleration);
+            let pattern = if *filled { &rest.ws.solver.fill.pattern } else { &model.tree_pattern };
+            let factors = Factors { lower: hessian, upper: hessian, inverse };
+            sides::solve((&model.rows, pattern), factors, |i| there[i], acceleration);
+            acceleration.iter_mut().flatten().for_each(|x| *x = -*x);
             if of == Of::Acceleration {
                 out(first, count, &self.step.acceleration);
                 continue;
@@ -142,6 +164,49 @@ impl<L: LaneQuery> Exact<L> {
             }
             self.advance(&model, width, first);
             out(first, count, &self.step.next);
+        }
+    }
+
+    /// Factors the residual's derivative by accelerations. Contacts join dofs that the inertia matrix does not.
+    fn factor(&mut self, model: &Model<L::Real>, slots: &[Slot]) {
+        let Exact { hessian, rest, step, filled, .. } = self;
+        let joins = || slots.iter().map(|slot| slot.pair).filter(|pair| model.pairs[*pair as usize].cross);
+        let fill = &mut rest.ws.solver.fill;
+        *filled = Fill::always(model) || joins().next().is_some();
+        if *filled {
+            fill.find(model, joins());
+        }
+        let pattern = if *filled { &fill.pattern } else { &model.tree_pattern };
+        let multipliers = &mut step.product;
+        ldl::factor(&model.rows, pattern, hessian, &mut step.inverse, multipliers);
+    }
+
+    /// In which rows the residual's derivatives by some columns may be other than zero: where all forces are local, in those that are coupled with
+    /// the columns' dofs.
+    fn find_rows(&mut self, model: &Model<L::Real>, columns: std::ops::Range<usize>) {
+        let Exact { rest, step: Step { there, .. }, filled, .. } = self;
+        if !rest.reach.local {
+            return;
+        }
+        let (nv, na) = (model.sizes.nv, model.sizes.na);
+        let pattern = if *filled { &rest.ws.solver.fill.pattern } else { &model.tree_pattern };
+        there.fill(false);
+        for column in columns {
+            let actuator = match column.checked_sub(2 * nv) {
+                Some(act) if act < na => model.actuators.iter().find(|actuator| actuator.act as usize == act),
+                Some(input) => model.actuators.get(input - na),
+                None => None,
+            };
+            // What an input forces is a dof alone; a dof's motion also forces all that it carries.
+            let j = actuator.map_or(column % nv, |actuator| actuator_dof(model, actuator));
+            let below = if column < 2 * nv { pattern.column(j) } else { &[] };
+            below.iter().map(|i| *i as usize).chain([j]).for_each(|i| there[i] = true);
+        }
+        // Elimination brings each row's columns in, and theirs.
+        for k in (0..nv).rev() {
+            if there[k] {
+                pattern.row(k).iter().for_each(|run| there[run.range()].fill(true));
+            }
         }
     }
 
@@ -163,7 +228,7 @@ impl<L: LaneQuery> Exact<L> {
             let both = [&added[0][..], &added[usize::from(skew)][..]];
             sides::add_product(rows, pattern, both, acceleration, other);
         }
-        sides::solve_sparse(rows, pattern, Factors { lower, upper, inverse }, other);
+        sides::solve((rows, pattern), Factors { lower, upper, inverse }, |_| true, other);
         for (own, other) in acceleration.iter_mut().flatten().zip(other.iter().flatten()) {
             *own -= *other;
         }
@@ -196,14 +261,14 @@ impl<L: LaneQuery> Exact<L> {
         load(act_slopes, width, first, acts);
         let own = |column: usize| column.checked_sub(first).filter(|c| *c < STRIP);
         for (i, (velocity, a)) in velocities.iter_mut().zip(acceleration).enumerate() {
-            *velocity = a.map(|a| h * a);
+            *velocity = scale(h, a);
             own(nv + i).into_iter().for_each(|c| velocity[c] += L::one());
         }
         let mut turns = turns.iter();
         let mut i = 0;
         while i < nv {
             if !matches!(model.dofs[i].kind, DofKind::FreeRotation(_) | DofKind::BallRotation(_)) {
-                positions[i] = velocities[i].map(|v| h * v);
+                positions[i] = scale(h, &velocities[i]);
                 own(i).into_iter().for_each(|c| positions[i][c] += L::one());
                 i += 1;
                 continue;
@@ -211,9 +276,8 @@ impl<L: LaneQuery> Exact<L> {
             let Some([back, right]) = turns.next() else { return };
             for r in 0..3 {
                 let [x, y, z] = [right[3 * r], right[3 * r + 1], right[3 * r + 2]];
-                positions[i + r] = std::array::from_fn(|c| {
-                    z.mul_add(velocities[i + 2][c], y.mul_add(velocities[i + 1][c], x * velocities[i][c]))
-                });
+                positions[i + r] =
+                    build(|c| z.mul_add(velocities[i + 2][c], y.mul_add(velocities[i + 1][c], x * velocities[i][c])));
                 (0..3).for_each(|k| own(i + k).into_iter().for_each(|c| positions[i + r][c] += back[3 * r + k]));
             }
             i += 3;
@@ -236,7 +300,7 @@ fn right_jacobian<L: Lane>(turn: &Vec3<L>) -> Mat3<L> {
     let [x, y, z] = *turn;
     let zero = L::zero();
     let cross = [zero, -z, y, z, zero, -x, -y, x, zero];
-    std::array::from_fn(|at| {
+    build(|at| {
         let (r, c) = (at / 3, at % 3);
         let squared = (0..3).fold(zero, |sum, k| cross[3 * r + k].mul_add(cross[3 * k + c], sum));
         let identity = if r == c { L::one() } else { zero };

@@ -38,6 +38,11 @@ impl Fill {
         }
     }
 
+    /// Whether something other than contacts joins branches: some equality constraint, or row along a tendon.
+    pub fn always<T>(model: &Model<T>) -> bool {
+        model.equalities.iter().any(|equality| equality.cross) || model.tendon_joins().next().is_some()
+    }
+
     /// Bytes of that.
     pub fn bytes<T>(model: &Model<T>) -> usize {
         if !joins(model) {
@@ -139,10 +144,7 @@ impl Fill {
 
 /// Whether some contact, equality constraint or row along a tendon joins branches in a Hessian that all worlds of a block share.
 pub(super) fn joins<T>(model: &Model<T>) -> bool {
-    let equalities = || model.equalities.iter().any(|equality| equality.cross);
-    (model.own.is_empty() && model.pairs.iter().any(|pair| pair.cross))
-        || equalities()
-        || model.tendon_joins().next().is_some()
+    (model.own.is_empty() && model.pairs.iter().any(|pair| pair.cross)) || Fill::always(model)
 }
 
 /// Words of bits, and most runs. A row of n columns below the diagonal has at most (n + 1)/2 runs.

@@ -1,6 +1,6 @@
 //! The force that constraints have at an acceleration that is known.
 
-use super::{Problem, SolverWork, rows, touch};
+use super::{Problem, SolverWork, equality, joints, rows, touch};
 use crate::lane::Lane;
 
 /// Sets the generalised force of the constraints to that which the convex cost has at the acceleration `qacc`, which is kept as the
@@ -16,4 +16,12 @@ pub fn force_at<L: Lane>(problem: &Problem<'_, L>, qacc: &[L], work: &mut Solver
     rows::at_acceleration(problem, work);
     std::mem::swap(&mut work.force, &mut work.spare);
     rows::transpose(problem, work);
+}
+
+/// The stiffness of all rows but those of contacts where forces were last asked for by [`force_at`], in `hessian`.
+pub fn stiffness_at<L: Lane>(problem: &Problem<'_, L>, work: &mut SolverWork<L>) {
+    let SolverWork { fields, jp, .. } = work;
+    fields.hessian.fill(L::zero());
+    joints::stiffen(problem, &jp.dof, &mut fields.hessian);
+    equality::stiffen(problem, &mut fields.hessian);
 }

@@ -34,7 +34,7 @@ pub use cg::conjugate;
 pub use dual::{Dual, finish, needed, prepare};
 pub use fill::Fill;
 pub use hessian::{couple, couple_row, curve};
-pub use inverse::force_at;
+pub use inverse::{force_at, stiffness_at};
 pub use line::{LINE, Line};
 pub use newton::{descend, polish, settle};
 pub use primal::{choose, depart, motion};

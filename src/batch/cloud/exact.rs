@@ -1,6 +1,6 @@
 //! Exact derivatives: of every world around its nominal state, eight worlds side by side in double precision.
 
-use lanesim_kernels::exact::{self, Exact, Given, STRIP};
+use lanesim_kernels::exact::{self, Exact, Given, STRIP, Strip};
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::model::{Instance, Model as KernelModel, Varied};
 use lanesim_kernels::state::{Applied, State};
@@ -9,6 +9,7 @@ use wide::f64x8;
 
 use super::{Cloud, Work};
 use crate::block::Block;
+use crate::cloud::request::Part;
 use crate::convex::SupportCollider;
 use crate::rows::Rows;
 
@@ -23,8 +24,6 @@ pub(super) struct Room {
     applied: Option<Applied<f64x8>>,
     varied: Option<Varied<f64x8>>,
     qacc: Vec<f64x8>,
-    /// Some columns, entry by entry the worlds' numbers.
-    entries: Vec<[f64; WIDTH]>,
 }
 
 impl Room {
@@ -36,7 +35,6 @@ impl Room {
             applied: None,
             varied: None,
             qacc: vec![zero; model.sizes.nv],
-            entries: Vec::new(),
         }
     }
 
@@ -67,6 +65,25 @@ impl Room {
     }
 }
 
+/// Writes a part of the worlds' matrices, `None` in lanes without a world.
+fn write(to: &mut Rows<'_>, part: &Part, worlds: [Option<usize>; WIDTH], strip: &[Strip<f64x8>]) {
+    let mut at = worlds.map(|world| world.map(|world| part.at(world)));
+    for row in &strip[..part.height] {
+        // By world, the numbers of all columns.
+        let lanes = row.map(|lanes| (lanes + f64x8::from([0.0; WIDTH])).to_array());
+        let numbers: [[f64; STRIP]; WIDTH] = std::array::from_fn(|place| std::array::from_fn(|i| lanes[i][place]));
+        for (at, numbers) in at.iter_mut().zip(&numbers) {
+            let Some(at) = at else { continue };
+            if part.columns.len() == STRIP {
+                to.write(*at, numbers);
+            } else {
+                to.write(*at, &numbers[part.columns.clone()]);
+            }
+            *at += part.width;
+        }
+    }
+}
+
 impl<L: LaneQuery> Cloud<L> {
     /// Writes the derivatives of the worlds in the lanes of `alive`, which were evaluated: `workspace` has what was found, and `self` the
     /// accelerations that were given.
@@ -84,7 +101,7 @@ impl<L: LaneQuery> Cloud<L> {
         let count = work.ids.len();
         for first in (0..count).step_by(WIDTH) {
             room.gather(model, (first, count - 1), (&self.block, qacc));
-            let Room { exact, state, applied, varied, qacc, entries } = &mut **room;
+            let Room { exact, state, applied, varied, qacc } = &mut **room;
             let collision = &workspace.collision;
             let given = Given {
                 state,
@@ -95,23 +112,17 @@ impl<L: LaneQuery> Cloud<L> {
                 convex: &SupportCollider,
             };
             let instance = Instance { model, varied: varied.as_ref() };
+            let lives = |place: usize| alive >> (first + place) & 1 != 0;
+            let worlds = std::array::from_fn(|place| work.ids.get(first + place).copied().filter(|_| lives(place)));
             exact.differentiate(of, instance, &given, &mut |column, columns, strip| {
-                entries.clear();
-                entries.extend(strip.iter().flatten().map(|lanes| lanes.to_array()));
-                for (place, id) in work.ids[first..].iter().take(WIDTH).enumerate() {
-                    if alive >> (first + place) & 1 != 0 {
-                        let number = |row: usize, i: usize| entries[STRIP * row + i][place] + 0.0;
-                        work.shape.write(rows, (*id, column), columns, number);
-                    }
-                }
+                work.shape.parts(column, columns, |part| {
+                    write(&mut rows[part.place], &part, worlds, &strip[part.above..]);
+                });
             });
             let edges = exact.edges(model);
-            for (place, id) in work.ids[first..].iter().take(WIDTH).enumerate() {
-                if alive >> (first + place) & 1 == 0 {
-                    continue;
-                }
+            for (place, id) in worlds.into_iter().enumerate().filter_map(|(place, world)| Some((place, world?))) {
                 let edges = edges.get(place) as u32;
-                (0..work.shape.all()).for_each(|column| work.shape.mark(rows, *id, column, [false; 2], edges));
+                (0..work.shape.all()).for_each(|column| work.shape.mark(rows, id, column, [false; 2], edges));
             }
         }
     }
