@@ -70,7 +70,31 @@ fn rollouts_are_mujocos_f64() {
 
 #[test]
 fn rollouts_are_mujocos_f32() {
-    rolls(Precision::F32, 2e-3);
+    rolls(Precision::F32, 1e-4);
+}
+
+/// A servo's bound is that of the length of its torque, which keeps its direction.
+#[test]
+fn torques_of_servos_are_shortened() {
+    let text = |bound: &str| {
+        format!(
+            "<mujoco><worldbody><body><joint name='j' type='ball'/><geom size='.1'/></body></worldbody>
+             <actuator><orientation joint='j' kp='20' kv='3' {bound}/></actuator></mujoco>"
+        )
+    };
+    let forces = |bound: &str| {
+        let model = parse(&text(bound));
+        let mut worlds = Worlds::new(&model, 1, &options(Precision::F64, Backend::Auto)).expect("worlds");
+        worlds.set(Field::Ctrl, 0, &[0.8, 0.3, -0.2]).expect("controls");
+        worlds.set(Field::Qvel, 0, &[0.5, -0.4, 0.3]).expect("velocities");
+        let outputs = [Output::named("actuator_force").expect("an output")];
+        let rollout = Rollout { nstep: 1, outputs: &outputs, ..Rollout::default() };
+        worlds.rollout(&rollout).expect("a rollout").outputs.remove(0)
+    };
+    // MuJoCo's.
+    agree(&forces(""), &[14.5, 7.2, -4.9], 1e-12, 1.0).expect("the torque");
+    let shortened = forces("forcerange='0 0.5'");
+    agree(&shortened, &[0.428_627, 0.212_835, -0.144_846], 1e-6, 1.0).expect("the torque of that length");
 }
 
 /// A reset puts histories and yielded springs back, and a world that goes on from a state that was read goes on as the first did.

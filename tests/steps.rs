@@ -119,7 +119,11 @@ fn the_implicit_matrix_is_that_of_differences() {
     let mut compared = 0;
     // What joins branches is left out, as in MuJoCo.
     let joins = |name: &str| NOT_DISCRETE.contains(&name) || name == "unit/tendon_forces";
-    for name in all_models().into_iter().filter(|name| name.starts_with("unit/fluid") || !joins(name)) {
+    // As in MuJoCo, bristles of motors resist as they will over a step.
+    let bristles = |name: &str| name == "unit/dcmotor";
+    for name in
+        all_models().into_iter().filter(|name| name.starts_with("unit/fluid") || !joins(name) && !bristles(name))
+    {
         let model = load_with(&name, &[("integrator", "implicit"), ("timestep", "0.02")]);
         let (tables, mut random) = (model.tables(), Random(5));
         let (nv, nu, h) = (tables.sizes.nv, tables.sizes.nu, tables.options.timestep);

@@ -1,6 +1,6 @@
 //! What is refused of actuators.
 
-use super::check::Element;
+use super::element::Element;
 use super::histories;
 use super::names::label;
 use crate::diagnostics::{Diagnostics, quoted};

@@ -2,7 +2,7 @@
 
 use lanesim_kernels::model::{Ring, Sensor, Sizes, Span};
 
-use super::check::Element;
+use super::element::Element;
 use crate::diagnostics::Diagnostics;
 use crate::spec::{History, Spec};
 

@@ -11,6 +11,7 @@ mod check;
 mod constraints;
 mod derived;
 mod drives;
+mod element;
 mod equality;
 mod finite;
 mod heavy;

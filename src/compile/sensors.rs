@@ -9,7 +9,7 @@ use lanesim_kernels::model::{
     Target,
 };
 
-use super::check::Element;
+use super::element::Element;
 use super::histories;
 use super::links::Links;
 use super::meshes::{Hulls, Meshes, Surfaces};

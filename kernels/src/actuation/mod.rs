@@ -8,6 +8,7 @@ mod servo;
 mod transmission;
 
 pub use body::bodies;
+pub use servo::within as servo_within;
 
 use crate::fields::fields;
 use crate::lane::{Lane, Mask, Real};

@@ -61,3 +61,11 @@ pub(super) fn bound<L: Lane>(model: &Model<L::Real>, force: &mut [L]) {
         own.iter_mut().for_each(|x| *x = L::select(beyond, *x * share, *x));
     }
 }
+
+/// Where the torque of a servo is within its bound.
+pub fn within<L: Lane>(servo: &Servo<L::Real>, force: &[L]) -> L::Mask {
+    let own = &force[servo.first as usize..];
+    let (torque, most) = ([own[0], own[1], own[2]], L::splat(servo.most));
+    // A torque that was shortened has that length but for rounding.
+    dot(&torque, &torque).lt(most * most * L::of(1.0 - 1e-5))
+}

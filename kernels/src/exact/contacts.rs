@@ -8,7 +8,7 @@
 
 use super::held::Held;
 use super::rigid::{Rigid, ancestors, group};
-use super::touch::Touches;
+use super::touch::{Slopes, Touches};
 use crate::collision::{self, Collision, ConvexCollider, Found, Near, Slot};
 use crate::lane::{Lane, LaneQuery, Mask, Tangent};
 use crate::math::spatial::{Spatial, cross_force, cross_motion, dot6, lin, rot};
@@ -18,8 +18,6 @@ use crate::position::Position;
 
 /// How far a link is moved, m and rad, where the narrow phase has no dual numbers.
 const STEP: f64 = 1e-6;
-/// Part of what a row's force depends on, within which it is about to begin or to cease to act, or to slide.
-pub(super) const EDGE: f64 = 1e-6;
 
 /// Room for the contacts of a pair.
 #[derive(Clone, Debug)]
@@ -39,17 +37,6 @@ pub struct Contacts<L> {
     common: Vec<usize>,
     /// Columns of the Jacobian, of `dofs`.
     columns: Vec<[L; 6]>,
-}
-
-/// Where derivatives of M a + c - Jᵀf are added up.
-#[derive(Debug)]
-pub struct Slopes<'a, L> {
-    /// By positions, velocities, and more, rows first.
-    pub by_state: &'a mut [L],
-    /// Columns of that.
-    pub width: usize,
-    /// By accelerations: stored as the inertia matrix.
-    pub hessian: &'a mut [L],
 }
 
 impl<L: LaneQuery> Contacts<L> {

@@ -4,7 +4,6 @@
 //! dual numbers, by the others it is that of the law alone: forces gain minus the contact's stiffness times what J a - a_ref gains, the reference
 //! acceleration its damping times speeds. What components gain when the frame turns and the place moves is linear in these.
 
-use super::contacts::EDGE;
 use crate::collision::{Contact, Found};
 use crate::constraint::{self, Cone, Law};
 use crate::lane::{Lane, Tangent};
@@ -13,6 +12,9 @@ use crate::math::vec3::{Mat3, Vec3, add, build, cross, cross_add, dot, dot_add, 
 use crate::model::{Instance, Model, NONE, Pair};
 use crate::position::Position;
 use crate::solver::{cone, contact, hessian};
+
+/// Part of what a row's force depends on, within which it is about to begin or to cease to act, or to slide.
+pub(super) const EDGE: f64 = 1e-6;
 
 /// How a contact's components and force are at the nominal state.
 pub(super) struct Held<L> {

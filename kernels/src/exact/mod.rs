@@ -19,9 +19,10 @@ mod touch;
 pub use missing::missing;
 pub use sides::{STRIP, Strip};
 
-use self::contacts::{Contacts, Slopes};
+use self::contacts::Contacts;
 use self::rest::{Anew, Rest};
 use self::rigid::{Motions, Rigid};
+use self::touch::Slopes;
 use crate::collision::{ConvexCollider, Near, Slot};
 use crate::inertia::{self, Inertia};
 use crate::lane::{Lane, LaneQuery, Tangent};

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::contacts::EDGE;
+use super::held::EDGE;
 use super::missing::{Reach, companions};
 use crate::actuation::Actuation;
 use crate::constraint::DofRowKind;

@@ -6,7 +6,6 @@
 //! damping by stiffness, negative both, and Q that of the pose with s × v in it. Seen from outside the wrench f turns as well, by s ×* f. With speeds of
 //! dofs wrenches gain -V s, with accelerations -A s.
 
-use super::contacts::Slopes;
 use super::held::Held;
 use super::rigid::{Rigid, ancestors, group};
 use crate::collision::Found;
@@ -43,6 +42,17 @@ impl<L: Lane> Touch<L> {
         self.pull = add(&self.pull, &other.pull);
         self.force = add(&self.force, &other.force);
     }
+}
+
+/// Where derivatives of M a + c - Jᵀf are added up.
+#[derive(Debug)]
+pub struct Slopes<'a, L> {
+    /// By positions, velocities, and more, rows first.
+    pub by_state: &'a mut [L],
+    /// Columns of that.
+    pub width: usize,
+    /// By accelerations: stored as the inertia matrix.
+    pub hessian: &'a mut [L],
 }
 
 /// The touched links.

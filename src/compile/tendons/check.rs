@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use lanesim_kernels::options::Integrator;
 
-use super::super::check::Element;
+use super::super::element::Element;
 use super::super::names::label;
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{JointKind, Path, Shape, Spec, Tendon, Waypoint, is_limited};
