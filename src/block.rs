@@ -3,7 +3,7 @@
 
 use lanesim_kernels::lane::{LaneQuery, Real};
 use lanesim_kernels::math::low;
-use lanesim_kernels::model::{Model, NONE, Sizes, Varied};
+use lanesim_kernels::model::{Model, Sizes, Varied};
 use lanesim_kernels::state::{Applied, BlockStatus, State, Status, copy_lane};
 
 use crate::field::{Field, Home};
@@ -30,25 +30,8 @@ pub(crate) struct Block<L> {
 impl<L: LaneQuery> Block<L> {
     /// Worlds in the reference configuration, at rest; none of them is stepped.
     pub fn new(model: &Model<L::Real>) -> Self {
-        let mut state = State::new(&model.sizes);
-        for (q, q0) in state.qpos.iter_mut().zip(&model.qpos0) {
-            *q = L::splat(*q0);
-        }
-        for (low, low0) in state.low.iter_mut().zip(&model.low0) {
-            *low = L::splat(*low0);
-        }
-        for (active, active0) in state.eq_active.iter_mut().zip(&model.eq_active0) {
-            *active = L::splat(*active0);
-        }
-        for (rest, rest0) in state.tree_rest.iter_mut().zip(&model.tree_rest0) {
-            *rest = L::splat(*rest0);
-        }
-        let poses = state.mocap_pos.iter_mut().zip(&mut state.mocap_quat);
-        for (link, (pos, quat)) in model.links.iter().filter(|link| link.mocap != NONE).zip(poses) {
-            (*pos, *quat) = (link.pos.map(L::splat), link.quat.map(L::splat));
-        }
         Block {
-            state,
+            state: State::initial(model),
             status: BlockStatus::default(),
             applied: None,
             varied: None,
@@ -74,14 +57,14 @@ impl<L: LaneQuery> Block<L> {
         for (entry, x) in self.lanes(field, sizes).iter_mut().zip(values) {
             entry.set(lane, L::Real::from_f64(*x));
         }
-        for (low, x) in self.low(field).iter_mut().zip(values) {
+        for (low, x) in self.low(field, sizes).iter_mut().zip(values) {
             low.set(lane, L::Real::from_f64(low::remainder::<L::Real>(*x)));
         }
     }
 
     /// Low words of a field; none if it has none.
-    fn low(&mut self, field: Field) -> &mut [L] {
-        field.low().and_then(|first| self.state.low.get_mut(first..)).unwrap_or_default()
+    fn low(&mut self, field: Field, sizes: &Sizes) -> &mut [L] {
+        field.low(sizes).and_then(|first| self.state.low.get_mut(first..)).unwrap_or_default()
     }
 
     /// Sets a field of one lane from a world's row.
@@ -90,7 +73,7 @@ impl<L: LaneQuery> Block<L> {
         let entries = self.lanes(field, sizes);
         let len = entries.len();
         rows.row(world, len, |i, x| entries[i].set(lane, L::Real::from_f64(x)));
-        let low = self.low(field);
+        let low = self.low(field, sizes);
         if !low.is_empty() {
             rows.row(world, len, |i, x| low[i].set(lane, L::Real::from_f64(low::remainder::<L::Real>(x))));
         }
@@ -116,7 +99,7 @@ impl<L: LaneQuery> Block<L> {
         };
         let start = out.len();
         out.extend(lanes.iter().map(|x| x.get(lane).to_f64()));
-        let low = field.low().and_then(|first| self.state.low.get(first..)).unwrap_or_default();
+        let low = field.low(sizes).and_then(|first| self.state.low.get(first..)).unwrap_or_default();
         out[start..].iter_mut().zip(low).for_each(|(x, low)| *x += low.get(lane).to_f64());
     }
 

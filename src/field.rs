@@ -18,6 +18,10 @@ pub enum Field {
     Qvel,
     /// Activations: `na`.
     Act,
+    /// Histories of actuators and sensors: `nhistory`. Their times have twice the digits in single precision, too.
+    History,
+    /// Where springs rest that yield: `nplastic`.
+    Plastic,
     /// Controls: `nu`.
     Ctrl,
     /// Start of the solver, what constraints added to the smooth acceleration in the last step: `nv`.
@@ -59,6 +63,8 @@ impl Field {
         Field::Qpos,
         Field::Qvel,
         Field::Act,
+        Field::History,
+        Field::Plastic,
         Field::Ctrl,
         Field::QaccWarmstart,
         Field::EqActive,
@@ -82,7 +88,7 @@ impl Field {
     };
 
     /// What makes up a row of the output `state`, in its order: MuJoCo's `mjSTATE_FULLPHYSICS`.
-    pub const STATE: [Field; 4] = [Field::Time, Field::Qpos, Field::Qvel, Field::Act];
+    pub const STATE: [Field; 6] = [Field::Time, Field::Qpos, Field::Qvel, Field::Act, Field::History, Field::Plastic];
 
     /// The field of a name.
     pub fn named(name: &str) -> Option<Field> {
@@ -129,10 +135,11 @@ impl Field {
     }
 
     /// Of a field that has low words in single precision, the first of them in [`State::low`].
-    pub(crate) const fn low(self) -> Option<usize> {
+    pub(crate) const fn low(self, sizes: &Sizes) -> Option<usize> {
         match self {
             Field::Time => Some(0),
             Field::Qpos => Some(1),
+            Field::History => Some(1 + sizes.nq),
             _ => None,
         }
     }
@@ -156,6 +163,8 @@ impl Key {
             Field::Qpos => Some(&self.qpos),
             Field::Qvel => Some(&self.qvel),
             Field::Act => Some(&self.act),
+            Field::History => Some(&self.history),
+            Field::Plastic => Some(&self.plastic),
             Field::Ctrl => Some(&self.ctrl),
             Field::EqActive => Some(&self.eq_active),
             Field::MocapPos => Some(&self.mpos),

@@ -180,6 +180,10 @@ pub struct Key {
     pub qvel: Vec<f64>,
     /// Activations.
     pub act: Vec<f64>,
+    /// Histories: as at the beginning.
+    pub history: Vec<f64>,
+    /// Where springs rest that yield.
+    pub plastic: Vec<f64>,
     /// Controls.
     pub ctrl: Vec<f64>,
     /// Positions of mocap bodies.
@@ -313,6 +317,8 @@ impl Model {
             qpos: self.tables().qpos0.clone(),
             qvel: vec![0.0; sizes.nv],
             act: vec![0.0; sizes.na],
+            history: self.tables().history0.clone(),
+            plastic: self.tables().plastic0.clone(),
             ctrl: vec![0.0; sizes.nu],
             mpos: mocap().flat_map(|link| link.pos).collect(),
             mquat: mocap().flat_map(|link| link.quat).collect(),
@@ -322,13 +328,13 @@ impl Model {
         }
     }
 
-    /// Range of an actuator's control for noise: its control range if it is limited, else [-1, 1]; two units from its
+    /// Range of a control for noise: its own if it is limited, else [-1, 1]; two units from its
     /// other end where one end is infinite.
-    pub fn control_range(&self, actuator: usize) -> [f64; 2] {
+    pub fn control_range(&self, control: usize) -> [f64; 2] {
         const INFINITE: f64 = f32::MAX as f64;
-        let actuator = &self.tables().actuators[actuator];
-        match actuator.ctrl_range {
-            _ if !actuator.ctrl_limited => [-1.0, 1.0],
+        let control = &self.tables().controls[control];
+        match control.range {
+            _ if !control.limited => [-1.0, 1.0],
             [lo, hi] if lo <= -INFINITE => [hi - 2.0, hi],
             [lo, hi] if hi >= INFINITE => [lo, lo + 2.0],
             range => range,

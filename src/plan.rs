@@ -151,10 +151,10 @@ impl Plan {
                     "no density or viscosity, or passive forces are switched off",
                 ),
             ],
-            Stage::Actuation if !features.actuation && sizes.nu > 0 => {
+            Stage::Actuation if !features.actuation && sizes.nout > 0 => {
                 vec![Part { name, runs: true, what: "lengths only: actuation is switched off".into() }]
             }
-            Stage::Actuation => vec![count(name, sizes.nu, "actuators", "no actuator")],
+            Stage::Actuation => vec![count(name, tables.actuators.len(), "actuators", "no actuator")],
             Stage::Solver => vec![
                 part(
                     name,

@@ -9,6 +9,7 @@ mod actuator;
 mod camera;
 mod equality;
 mod heights;
+mod history;
 mod mesh;
 mod sensor;
 mod tendon;
@@ -16,10 +17,11 @@ mod tendon;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub use actuator::{Actuator, Bias, Dynamics, Gain, LengthRange, LengthRangeMode, Transmission};
+pub use actuator::{Actuator, Bias, Dynamics, Gain, Input, LengthRange, LengthRangeMode, Transmission};
 pub use camera::Camera;
 pub use equality::{Equality, Held};
 pub use heights::HeightField;
+pub use history::{History, Interpolation};
 pub use lanesim_kernels::options::Options;
 pub use mesh::{Mesh, MeshInertia, Triangles};
 pub use sensor::{
@@ -122,7 +124,12 @@ impl Spec {
 
     /// Number of activations.
     pub(crate) fn activations(&self) -> usize {
-        self.actuators.iter().filter(|actuator| actuator.dynamics != Dynamics::None).count()
+        self.actuators.iter().map(Actuator::activations).sum()
+    }
+
+    /// Number of controls.
+    pub(crate) fn controls(&self) -> usize {
+        self.actuators.iter().map(Actuator::controls).sum()
     }
 
     /// Adds a body to the body of index `parent` and returns its own index. The parent named in `body` does not count.
@@ -321,6 +328,8 @@ pub struct Joint {
     pub reference: f64,
     /// Position at which the spring is at rest.
     pub springref: f64,
+    /// How far the spring is stretched before it yields, and rests elsewhere; 0: it does not yield.
+    pub springyield: f64,
     /// Coefficients of the spring force a x + b x² + c x³.
     pub stiffness: [f64; 3],
     /// Coefficients of the damper force a v + b v|v| + c v³.
@@ -370,6 +379,7 @@ impl Default for Joint {
             margin: 0.0,
             reference: 0.0,
             springref: 0.0,
+            springyield: 0.0,
             stiffness: [0.0; 3],
             damping: [0.0; 3],
             springdamper: [0.0; 2],
@@ -630,6 +640,8 @@ pub struct Key {
     pub qvel: Option<Vec<f64>>,
     /// Activations, at most `na`.
     pub act: Option<Vec<f64>>,
+    /// Where springs rest that yield, at most `nplastic`.
+    pub plastic: Option<Vec<f64>>,
     /// Controls, at most `nu`.
     pub ctrl: Option<Vec<f64>>,
     /// Mocap positions, at most `3 nmocap`.
@@ -639,7 +651,7 @@ pub struct Key {
     /// What it says of single bodies, beside `qpos` and `qvel`: of models that are attached.
     pub parts: Vec<KeyPart>,
     /// Controls of single actuators by name, beside `ctrl`, likewise.
-    pub controls: Vec<(String, f64)>,
+    pub controls: Vec<(String, Vec<f64>)>,
     /// Where it was written.
     pub source: Source,
 }

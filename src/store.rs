@@ -166,7 +166,7 @@ impl<L: LaneQuery> Store<L> {
     /// Where the low words of a field are, if it has any: in the last field of a block's state.
     fn low(&self, field: Field, sizes: &Sizes, block: usize) -> Range<usize> {
         let all = self.entries(State::<L>::COUNT - 1, sizes, block);
-        field.low().map_or(0..0, |first| (all.start + first).min(all.end)..all.end)
+        field.low(sizes).map_or(0..0, |first| (all.start + first).min(all.end)..all.end)
     }
 
     /// Status of one world.

@@ -26,12 +26,6 @@ pub(crate) fn unbuilt(o: &Options) -> Vec<Unbuilt> {
         }
     };
     let (none, left_out) = ("remove it", "left out");
-    let medium = o.integrator == Integrator::Discrete && (o.density != 0.0 || o.viscosity != 0.0);
-    let what = "a medium (density, viscosity) under integrator discrete is".to_string();
-    let instead = "Euler is used instead";
-    add(medium, "option", "integrator", what, "set integrator=\"implicitfast\"", instead, |o| {
-        o.integrator = Integrator::Euler;
-    });
     let what = "the guard under integrator RK4 is".to_string();
     add(
         o.guard && o.integrator == Integrator::Rk4,

@@ -1,12 +1,10 @@
 //! A world's results are the same bits whatever its lane, its neighbours, the number of worlds and of threads, and the
 //! backend; and what happens to a world that is lost stays in that world.
 
-mod support;
-
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, InstructionSet, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::state::Status;
-use support::{Random, load, load_with};
+use crate::support::{Random, load, load_with};
 
 /// Different worlds; larger batches repeat them.
 const DIFFERENT: usize = 17;

@@ -1,14 +1,12 @@
 //! Points of clouds: the same bits however they are visited, and what follows from them against what is known.
 
-mod support;
-
 use std::collections::BTreeMap;
 
 use lanesim::cloud::{self, Call, Costs, Found, Grid, How, Points, Scheme, Seen, Solving, Target};
 use lanesim::npz::{Array, Data};
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::{Backend, Field, Model, Options, Precision, Worlds};
-use support::{copied, fails, load, moving, options};
+use crate::support::{copied, fails, load, moving, options};
 
 /// Models that touch the floor, have a free joint, activations, tendons; one without anything that is shared.
 const MODELS: [&str; 4] = ["zoo/ant", "zoo/hopper", "unit/muscle", "zoo/pendulums"];

@@ -1,15 +1,10 @@
 //! Contacts of two bodies: against MuJoCo at random poses (tests/pairs/make.py), at poses that can be worked out by hand,
 //! where formulas degenerate, and across lane types.
 
-#[path = "collision/aligned.rs"]
 mod aligned;
-#[path = "collision/heights.rs"]
 mod heights;
-#[path = "collision/manifold.rs"]
 mod manifold;
-#[path = "collision/mesh.rs"]
 mod mesh;
-#[path = "collision/still.rs"]
 mod still;
 
 use std::collections::BTreeMap;

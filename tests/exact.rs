@@ -1,11 +1,9 @@
 //! Exact derivatives against differences that are extrapolated (Richardson), and the same bits however they are computed.
 
-mod support;
-
 use lanesim::cloud::{Method, Scheme, Solving, Target, Transition, accurate};
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::{Backend, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
-use support::{fails, load_with, moving, options};
+use crate::support::{fails, load_with, moving, options};
 
 const EXACT: Scheme = Scheme { method: Method::Exact, eps: 1e-6, centred: true, sensors: false };
 

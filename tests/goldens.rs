@@ -3,14 +3,13 @@
 //! `tests/goldens/README.md` says what the files hold. A number is judged against the size of its field in its state: the
 //! largest entry, or the floor given with the field.
 
-mod support;
-
 use std::collections::BTreeMap;
 
 use lanesim::model::ArrayData;
 use lanesim::{Backend, Options, Precision};
-use support::golden::{Failures, Golden};
-use support::{agree, all_models, options, repository};
+use crate::support;
+use crate::support::golden::{Failures, Golden};
+use crate::support::{agree, all_models, options, repository};
 
 /// How far results may be from MuJoCo's, relative to the field's size.
 struct Tolerances {

@@ -1,12 +1,10 @@
 //! Hashes of the states after short runs, so that a changed bit is seen. A change that is meant is explained in the CHANGELOG,
 //! and the new hashes are written by `WRITE_HASHES=1 cargo test --profile ci --test hashes`.
 
-mod support;
-
 use std::fmt::Write as _;
 
 use lanesim::{Backend, Controls, Precision, Rollout, Worlds};
-use support::{load_with, options, repository};
+use crate::support::{load_with, options, repository};
 
 const FILE: &str = "tests/goldens/hashes.txt";
 /// Two blocks in double precision, one and a part of one in single.

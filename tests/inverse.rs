@@ -1,15 +1,14 @@
 //! Inverse dynamics: against MuJoCo, and against the forward dynamics that it inverts.
 
-mod support;
-
 use std::collections::BTreeMap;
 
 use lanesim::inverse::inverse;
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
-use support::golden::{Failures, Golden};
-use support::{NOT_DISCRETE, Random, agree, all_models, fails, load, load_with, options};
+use crate::support;
+use crate::support::golden::{Failures, Golden};
+use crate::support::{NOT_DISCRETE, Random, agree, all_models, fails, load, load_with, options};
 
 const BACKENDS: [Backend; 3] = [Backend::Native, Backend::Wide, Backend::Scalar];
 /// Models that touch the floor, and themselves.

@@ -1,7 +1,5 @@
 //! Memory, time and lengths have limits, and what is beyond them is an error with the figure.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,7 +7,7 @@ use std::time::{Duration, Instant};
 use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::{Backend, Error, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
-use support::{load, options};
+use crate::support::{load, options};
 
 /// Free bodies with geoms of these attributes.
 fn free_bodies(count: usize, geom: &str) -> Model {

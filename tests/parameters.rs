@@ -1,14 +1,12 @@
 //! Numbers of the model that differ from world to world: a world with numbers of its own has the bits of a model that was
 //! compiled with them, whatever steps it and whoever is beside it; what cannot be is refused.
 
-mod support;
-
 use std::sync::atomic::AtomicBool;
 
 use lanesim::outputs::Output;
 use lanesim::rows::{Strided, Values};
 use lanesim::{Backend, Controls, Error, Field, InstructionSet, Model, Options, Parameter, Precision, Rollout, Worlds};
-use support::{Random, fails, load, load_with, parse};
+use crate::support::{Random, fails, load, load_with, parse};
 
 /// Different sets of numbers; larger batches repeat them.
 const DIFFERENT: usize = 5;

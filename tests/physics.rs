@@ -1,7 +1,5 @@
 //! Physics that is known: figures of MuJoCo 4.0.0, closed formulas, and what a solution must satisfy.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -11,8 +9,9 @@ use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Field, Model, Precision, Worlds};
 use lanesim_kernels::options::Integrator;
-use support::golden::{Failures, Golden};
-use support::{agree, assert_agree, options, parse};
+use crate::support;
+use crate::support::golden::{Failures, Golden};
+use crate::support::{agree, assert_agree, options, parse};
 
 fn worlds(model: &Model) -> Worlds {
     Worlds::new(model, 1, &options(Precision::F64, Backend::Wide)).expect("a batch")

@@ -1,11 +1,10 @@
 //! Sensors against MuJoCo's, one by one; that nobody else pays for them; and errors of sensors that cannot be.
 
-mod support;
-
 use lanesim::mjcf::LoadOptions;
 use lanesim::{Backend, Model, Options, Precision, Rollout, Worlds};
-use support::golden::{Failures, Golden};
-use support::{agree, load, options, parse};
+use crate::support;
+use crate::support::golden::{Failures, Golden};
+use crate::support::{agree, load, options, parse};
 
 /// Every sensor of every model that has some, in its recorded states, judged by the largest number of its kind: a force may be what is
 /// left of larger ones.
@@ -99,8 +98,8 @@ fn sensors_that_cannot_be_are_refused() {
         ("<user dim='2' datatype='axis'/>", "dim is 2 (this datatype has dim 3)"),
         ("<user dim='-1'/>", "-1 is negative"),
         (
-            "<gyro site='tip' nsample='3' delay='.1'/>",
-            "histories of sensors (nsample, delay, interval) are not supported",
+            "<gyro name='g' site='tip' delay='.1'/>",
+            "gyro \"g\": delay 0.1, but it keeps no samples (give nsample, at least delay over timestep)",
         ),
         ("<framepos objtype='camera' objname='eye'/>", "unknown camera \"eye\" (did you mean \"eyes\"?)"),
         ("<framepos objtype='camera' objname='follower'/>", "camera \"follower\" tracks something"),

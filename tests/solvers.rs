@@ -1,8 +1,6 @@
 //! The solvers alone: every pair of shapes, cone and contact dimension, dry friction, limits and all parameters of contacts,
 //! against the minimiser that `tests/goldens/make_solver.py` recorded.
 
-mod support;
-
 use std::collections::BTreeMap;
 
 use lanesim::eval::eval;
@@ -10,8 +8,9 @@ use lanesim::mjcf::LoadOptions;
 use lanesim::npz::{self, Array};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Model, Options, Precision, Rollout, Worlds};
-use support::golden::Failures;
-use support::{agree, load, options, repository};
+use crate::support;
+use crate::support::golden::Failures;
+use crate::support::{agree, load, options, repository};
 
 const CONES: [&str; 2] = ["pyramidal", "elliptic"];
 const DIMENSIONS: [u32; 4] = [1, 3, 4, 6];

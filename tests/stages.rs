@@ -1,8 +1,6 @@
 //! Stages of a step, one by one: each writes all that it promises whatever was there before, every lane type computes the
 //! same bits, and independent algorithms give the same numbers.
 
-mod support;
-
 use lanesim::Model;
 use lanesim::convex::SupportCollider;
 use lanesim_kernels::acceleration::articulated::{self, Scratch};
@@ -20,7 +18,8 @@ use lanesim_kernels::tendon::{self, Tendons};
 use lanesim_kernels::workspace::Workspace;
 use lanesim_kernels::{inertia, integration, position, step, velocity};
 use std::sync::Arc;
-use support::{Random, all_models, assert_agree, load, load_with};
+use crate::support;
+use crate::support::{Random, all_models, assert_agree, load, load_with};
 use wide::{f32x16, f64x8};
 
 /// A state of one world.
@@ -40,7 +39,7 @@ fn world(model: &Model, random: &mut Random) -> World {
 
 /// Worlds side by side.
 fn state<L: LaneQuery>(model: &Tables<L::Real>, worlds: &[World]) -> State<L> {
-    let mut state = State::new(&model.sizes);
+    let mut state = State::initial(model);
     for lane in 0..L::WIDTH {
         let world = &worlds[lane % worlds.len()];
         let fill = |lanes: &mut [L], x: &[f64]| {

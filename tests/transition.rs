@@ -1,7 +1,5 @@
 //! Derivatives of steps: the same bits however they are computed, and against what is known of them. MuJoCo's are compared in Python's tests.
 
-mod support;
-
 use std::collections::BTreeMap;
 
 use lanesim::cloud::{self, Call, Scheme, Solving, Target, Transition, accurate};
@@ -11,7 +9,8 @@ use lanesim::rows::{Rows, Strided, Values};
 use lanesim::status::Status;
 use lanesim::{Backend, Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::integration::{difference, displace};
-use support::{copied, fails, load, load_with, moving, options};
+use crate::support;
+use crate::support::{copied, fails, load, load_with, moving, options};
 
 const INTEGRATORS: [&str; 6] = ["Euler", "implicitfast", "implicit", "RK4", "discrete", "midpoint"];
 /// Models that touch the floor and have a free joint, activations, tendons, equality constraints, sensors.

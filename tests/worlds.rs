@@ -1,7 +1,5 @@
 //! The batch, rollouts and evaluation from outside: shapes, errors, noise, outputs, sizes of nothing.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -10,7 +8,8 @@ use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds, noise};
 use lanesim_kernels::pipeline::Stage;
-use support::{all_models, every_output, fails, load, load_with, options, parse};
+use crate::support;
+use crate::support::{all_models, every_output, fails, load, load_with, options, parse};
 
 fn wide() -> Options {
     options(Precision::F64, Backend::Wide)
@@ -348,7 +347,8 @@ fn a_world_costs_little_beside_its_state() {
                 Worlds::new(&model, 16, &options(precision, Backend::Wide)).expect("a batch").memory();
             let forces = [Field::QfrcApplied, Field::XfrcApplied];
             let of_state = Field::ALL.iter().filter(|(field, _)| !forces.contains(field));
-            let low = if precision == Precision::F32 { 1 + Field::Qpos.len(&model) } else { 0 };
+            let twice = [Field::Time, Field::Qpos, Field::History].map(|field| field.len(&model)).iter().sum();
+            let low: usize = if precision == Precision::F32 { twice } else { 0 };
             let state = bytes * of_state.map(|(field, _)| field.len(&model)).sum::<usize>() + bytes * low;
             assert!(per_world <= state + 64, "{name} in {precision:?}: {per_world} bytes, {state} of state");
             assert!(scratch < 64 << 20, "{name}: {scratch} bytes of scratch");

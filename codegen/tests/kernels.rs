@@ -55,9 +55,9 @@ impl<L: Lane> Stages<L> {
         inertia::crb(model.into(), &s.position, &s.tendons, &mut s.inertia);
         velocity::rne(model.into(), (&s.position, &s.tendons, &s.inertia), qvel, &mut s.velocity);
         let moving = passive::Stages { position: &s.position, tendons: &s.tendons, velocity: &s.velocity };
-        passive::passive(model.into(), moving, qpos, qvel, &mut s.passive);
         let (qpos, qvel, ctrl) = (qpos.to_vec(), qvel.to_vec(), ctrl.to_vec());
         let state = State { qpos, qvel, ctrl, ..State::new(sizes) };
+        passive::passive(model.into(), moving, &state, &mut s.passive);
         let State { qvel, .. } = &state;
         let bad = actuation::actuation(model.into(), &state, (&s.position, &s.tendons, &s.passive), &mut s.actuation);
         let a = &mut s.acceleration;

@@ -1,10 +1,11 @@
 //! What happened to a world, and to which of its elements: the part of a step that runs only when something is wrong.
 
 use crate::acceleration::wild;
+use crate::actuation;
 use crate::lane::{LaneQuery, Mask, Real};
 use crate::math::ldl;
 use crate::math::vec3::dot;
-use crate::model::{Joint, JointKind, Model};
+use crate::model::{Actuator, Joint, JointKind, Model};
 use crate::state::{Applied, BlockStatus, State, Status};
 use crate::workspace::Workspace;
 
@@ -153,7 +154,8 @@ pub fn element<L: LaneQuery>(
             let acts = || first(&next.act, &huge).and_then(|w| actuator_of(model, w));
             moves.or_else(|| joint_of(first(&next.qpos, &huge))).or_else(acts)
         }
-        Status::BAD_CTRL => first(&state.ctrl, &huge).map(|u| Element::Actuator(u as u32)),
+        Status::BAD_CTRL => first(actuation::acting(state, &ws.actuation.told), &huge)
+            .map(|u| Element::Actuator(model.controls[u].actuator)),
         Status::SINGULAR_INERTIA => singular(),
         Status::CONTACT_OVERFLOW => {
             let collision = &ws.collision;
@@ -234,8 +236,15 @@ fn quaternion_element<L: LaneQuery>(
 
 /// The actuator to which an activation belongs.
 fn actuator_of<T>(model: &Model<T>, w: usize) -> Option<Element> {
-    let actuator = model.actuators.iter().position(|actuator| actuator.act as usize == w)?;
-    Some(Element::Actuator(actuator as u32))
+    let has = |actuator: &Actuator<T>| {
+        let controller = model.controllers.get(actuator.controller as usize);
+        let motor = model.motors.get(actuator.motor as usize);
+        let of_controller = controller.is_some_and(|own| [own.slew, own.integral].contains(&(w as u32)));
+        let of_motor = motor.is_some_and(|own| [own.temperature, own.bristle, own.current].contains(&(w as u32)));
+        actuator.act as usize == w || of_controller || of_motor
+    };
+    let actuator = model.actuators.iter().position(has)?;
+    Some(Element::Actuator(model.actuators[actuator].id))
 }
 
 /// The joint to which a position belongs.

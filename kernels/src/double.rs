@@ -97,6 +97,13 @@ impl Double {
         }
         widen(&state.qvel, &mut own.qvel);
         widen(&state.act, &mut own.act);
+        widen(&state.history, &mut own.history);
+        for (x, low) in own.history.iter_mut().zip(state.past()[1]) {
+            let mut rest = [f64x8::zero()];
+            widen(std::slice::from_ref(low), &mut rest);
+            *x += rest[0];
+        }
+        widen(&state.plastic, &mut own.plastic);
         widen(&state.ctrl, &mut own.ctrl);
         widen(&state.qacc_warmstart, &mut own.qacc_warmstart);
         widen(&state.eq_active, &mut own.eq_active);

@@ -14,6 +14,7 @@ pub mod drivers;
 pub mod energy;
 pub mod exact;
 pub mod fields;
+pub mod history;
 pub mod inertia;
 pub mod integration;
 pub mod inverse;

@@ -7,6 +7,7 @@ use crate::constraint::{self, Metric, Motion};
 use crate::derivative;
 use crate::double;
 use crate::drivers::{self, collision, solver};
+use crate::history;
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model, Varied};
 use crate::options::Integrator;
@@ -117,6 +118,7 @@ fn evaluate<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>, status: 
         let Step { model, state, applied, ws, .. } = step;
         let (stages, energy, sensors) = ws.sensing();
         sensor::measure_rows(*model, state, *applied, run.convex, (stages, energy), sensors);
+        history::tell(model, state, sensors);
         step.end(Stage::Sensor);
     }
     solved
@@ -192,6 +194,7 @@ fn release<L: LaneQuery>(step: &mut Step<'_, L>) {
 
 /// The stages that do without constraints; without an executor where not all of them are wanted.
 fn smooth<L: LaneQuery>(step: &mut Step<'_, L>, run: &mut Run<'_, L>) -> Findings<u32> {
+    history::recall(step.model.model, step.state, &mut step.ws.actuation.told);
     let start = Start::of(step.stages) as u32;
     let own = u32::from(run.applied.is_some()) | u32::from(run.keep) << 1 | start << 2;
     let kicks = step.ws.kick.is_some() && step.stages.has(Stage::Integration);

@@ -102,7 +102,7 @@ pub fn smooth<L: Lane>(
         end(Stage::Velocity);
     }
     if runs(Stage::Passive) {
-        passive::passive(model, passive::Stages { position, tendons, velocity }, &state.qpos, &state.qvel, passive);
+        passive::passive(model, passive::Stages { position, tendons, velocity }, state, passive);
         end(Stage::Passive);
     }
     if runs(Stage::Actuation) {
@@ -207,6 +207,9 @@ fn all_changes<T>(model: &Model<T>, keep: bool) -> Vec<&'static str> {
     // The integration reads them.
     if model.sizes.na > 0 {
         all.push("actuation.act_dot");
+    }
+    if model.sizes.nmotor > 0 {
+        all.push("actuation.bent");
     }
     // Rows of equality constraints read accelerations of links.
     if !model.equalities.is_empty() {

@@ -2,6 +2,7 @@
 
 use crate::fields::fields;
 use crate::lane::Lane;
+use crate::model::{Model, NONE};
 
 fields! {
     /// State of the worlds of one block: everything that must be kept to continue a simulation.
@@ -14,6 +15,11 @@ fields! {
         pub qvel: Vec<L> = sizes.nv,
         /// Activations.
         pub act: Vec<L> = sizes.na,
+        /// Histories of actuators' controls and of sensors, as MuJoCo lays them out: of each a number of its own, the place of the newest
+        /// sample, the times of all (s), and their values. Only of those with `nsample`.
+        pub history: Vec<L> = sizes.nhistory,
+        /// Where springs rest that yield: m or rad, quaternions (w, x, y, z) of balls; the two lengths of tendons.
+        pub plastic: Vec<L> = sizes.nplastic,
         /// Controls; kept from step to step.
         pub ctrl: Vec<L> = sizes.nu,
         /// Where the solver starts: qacc - qacc_smooth of the last step, m/s^2, rad/s^2.
@@ -31,7 +37,8 @@ fields! {
         /// about the centre of mass, world axes, and impulses since then (angular first; N m s, N s). All 0: it starts anew from the next
         /// velocities. Only of models with the option `guard`.
         pub tree_guard: Vec<[L; 15]> = sizes.nguard,
-        /// What time, then positions, have beyond the digits of single precision (see [`low`](crate::math::low)). Read and set with them.
+        /// What time, then positions, then histories have beyond the digits of single precision (see [`low`](crate::math::low)). Read and set
+        /// with them.
         pub low: Vec<L> = sizes.nlow,
     } L
 }
@@ -40,6 +47,41 @@ impl<L> State<L> {
     /// Positions and their low words, of which double precision has none.
     pub fn positions(&self) -> [&[L]; 2] {
         [&self.qpos, self.low.get(1..).unwrap_or(&[])]
+    }
+
+    /// Histories and their low words, likewise.
+    pub fn past(&self) -> [&[L]; 2] {
+        [&self.history, self.low.get(1 + self.qpos.len()..).unwrap_or(&[])]
+    }
+
+    /// The same, to be changed.
+    pub fn past_mut(&mut self) -> [&mut [L]; 2] {
+        let first = 1 + self.qpos.len();
+        [&mut self.history, self.low.get_mut(first..).unwrap_or(&mut [])]
+    }
+}
+
+impl<L: Lane> State<L> {
+    /// The reference configuration of a model, at rest.
+    pub fn initial(model: &Model<L::Real>) -> Self {
+        let mut state = State::new(&model.sizes);
+        let State { qpos, history, plastic, eq_active, tree_rest, low, .. } = &mut state;
+        let starts: [(&mut [L], &[L::Real]); 6] = [
+            (qpos, &model.qpos0),
+            (history, &model.history0),
+            (plastic, &model.plastic0),
+            (eq_active, &model.eq_active0),
+            (tree_rest, &model.tree_rest0),
+            (low, &model.low0),
+        ];
+        for (lanes, start) in starts {
+            lanes.iter_mut().zip(start).for_each(|(x, start)| *x = L::splat(*start));
+        }
+        let poses = state.mocap_pos.iter_mut().zip(&mut state.mocap_quat);
+        for (link, (pos, quat)) in model.links.iter().filter(|link| link.mocap != NONE).zip(poses) {
+            (*pos, *quat) = (link.pos.map(L::splat), link.quat.map(L::splat));
+        }
+        state
     }
 }
 
@@ -52,6 +94,8 @@ impl<L: Copy> State<L> {
             qpos,
             qvel,
             act,
+            history,
+            plastic,
             ctrl,
             eq_active,
             qacc_warmstart,
@@ -65,6 +109,8 @@ impl<L: Copy> State<L> {
         qpos.copy_from_slice(&other.qpos);
         qvel.copy_from_slice(&other.qvel);
         act.copy_from_slice(&other.act);
+        history.copy_from_slice(&other.history);
+        plastic.copy_from_slice(&other.plastic);
         ctrl.copy_from_slice(&other.ctrl);
         eq_active.copy_from_slice(&other.eq_active);
         qacc_warmstart.copy_from_slice(&other.qacc_warmstart);

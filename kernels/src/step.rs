@@ -1,10 +1,12 @@
 //! A step: the stages are evaluated, whoever wants to looks at them, and an integrator makes the next state of what they found.
 
 use crate::diagnosis;
+use crate::history;
 use crate::integration::{Rk4, drift};
 use crate::lane::LaneQuery;
 use crate::model::{Instance, Model};
 use crate::part::{Op, Part, Step};
+use crate::passive;
 use crate::pipeline::{Run, Solved, Stage, Stages, forward};
 use crate::sleep;
 use crate::state::{BlockStatus, State, Status};
@@ -34,6 +36,10 @@ pub fn evaluate<L: LaneQuery>(
         clock.start();
     }
     run.stages = run.stages | Stages::STEP;
+    if !model.sensor_rings.is_empty() && model.options.flags.sensor {
+        // The histories take what they measure.
+        (run.stages, run.keep) = (run.stages | Stages::up_to(Stage::Sensor), true);
+    }
     if let Some(sleep) = &mut ws.sleep {
         sleep::disturb(model, state, run.applied, status.alive, sleep);
     }
@@ -73,6 +79,7 @@ pub fn advance<L: LaneQuery>(
     if let Workspace { sleep: Some(sleep), constraint, .. } = ws {
         sleep::settle(model, state, (run.applied, constraint), status.alive, sleep);
     }
+    let now = history::clock(state);
     let good = if ws.rk4.is_some() {
         solved = evaluate_between(model, state, run, status, solved, ws);
         solved.lanes
@@ -85,6 +92,8 @@ pub fn advance<L: LaneQuery>(
     if let Some(sleep) = &ws.sleep {
         sleep::hold(model, state, sleep);
     }
+    passive::yield_springs(model, &ws.tendons, L::mask_of(good), state);
+    history::record(model, state, (now, good), &ws.sensors);
     if let Some(kick) = &ws.kick {
         status.record(Status::GUARDED, kick.acted() & good);
     }

@@ -18,6 +18,11 @@ Dim = tuple[str, int]
 HINT = "; was it made for another model?"
 
 
+def nstate(model: Any) -> int:
+    """Numbers of a row of states."""
+    return 1 + int(model.nq + model.nv + model.na + model.nhistory + model.nplastic)
+
+
 def numbers(name: str, values: ArrayLike) -> NDArray[Any]:
     """An array of float64 or float32 in C order; a copy only if `values` is not one already."""
     try:

@@ -32,6 +32,8 @@ SENSORS = {
     "geomfromto": "fromto",
 }  # fmt: skip
 """Tags of sensors that are not called like their type."""
+INPUTS = ("pos", "vel", "ff", "voltage")
+INTERPOLATIONS = ("zoh", "linear", "cubic")
 OBJECTS = {1: "body", 2: "xbody", 3: "joint", 5: "geom", 6: "site", 7: "camera", 18: "tendon", 19: "actuator"}
 STAGES = ("pos", "pos", "vel", "acc")
 CONTACT_FIELDS = ("found", "force", "torque", "dist", "pos", "normal", "tangent", "linvel", "angvel")
@@ -44,10 +46,10 @@ BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
 DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user")
 TRANSMISSIONS = ("joint", "jointinparent", "slidercrank", "tendon", "site", "body")
 TOLERANCE = 1e-9
-# Vertices of meshes are in single precision, and so is what follows from them.
-SINGLE = 1e-6
-PLACES = ("geom_pos", "geom_quat", "geom_size", "geom_rbound")
 """Largest difference between arrays that rounding may make, relative to the largest entry."""
+SINGLE = 1e-6
+"""The same for arrays that follow from vertices of meshes, which are in single precision."""
+PLACES = ("geom_size", "geom_rbound")
 STALE = 1e-6
 """The same for constants that MuJoCo derives a second time."""
 
@@ -109,6 +111,8 @@ class _Writer:
 
     def _transmission(self, a: int) -> str:
         kind = int(self.m.actuator_trntype[a])
+        if kind == len(TRANSMISSIONS):  # An orientation servo's.
+            return "joint" if self.m.actuator_trnid[a][1] < 0 else "site"
         return TRANSMISSIONS[kind] if kind < len(TRANSMISSIONS) else f"transmission {kind}"
 
     def _options(self) -> None:
@@ -193,6 +197,7 @@ class _Writer:
             ref=m.qpos0[q] if scalar else None,
             springref=m.qpos_spring[q] if scalar else None,
             stiffness=_series(m.jnt_stiffness[j], m.jnt_stiffnesspoly[j]),
+            springyield=m.jnt_springyield[j] or None,
             damping=_series(m.dof_damping[dof], m.dof_dampingpoly[dof]),
             armature=m.dof_armature[dof],
             frictionloss=m.dof_frictionloss[dof],
@@ -295,6 +300,8 @@ class _Writer:
     def _actuator(self, a: int, where: dict[str, Any]) -> None:
         m = self.m
         dynamic = int(m.actuator_dyntype[a])
+        # Forces may be several.
+        out, several = int(m.actuator_outadr[a]), int(m.actuator_outnum[a]) > 1
         active: dict[str, Any] = {}
         if dynamic:
             active = dict(
@@ -312,21 +319,44 @@ class _Writer:
             actearly=True if m.actuator_actearly[a] else None,
             gainprm=m.actuator_gainprm[a],
             biasprm=m.actuator_biasprm[a],
-            ctrllimited=bool(m.actuator_ctrllimited[a]),
-            ctrlrange=m.actuator_ctrlrange[a] if m.actuator_ctrlrange[a].any() else None,
+            **self._controls(a),
             forcelimited=bool(m.actuator_forcelimited[a]),
             forcerange=m.actuator_forcerange[a] if m.actuator_forcerange[a].any() else None,
-            gear=m.actuator_gear[a],
+            gear=None if several else m.actuator_gear[out],
             armature=m.actuator_armature[a] or None,
             damping=(
                 _series(m.actuator_damping[a], m.actuator_dampingpoly[a]) if _any(m, "actuator_damping", a) else None
             ),
-            lengthrange=m.actuator_lengthrange[a] if m.actuator_lengthrange[a].any() else None,
-            delay=m.actuator_delay[a] or None,
+            lengthrange=m.actuator_lengthrange[out] if m.actuator_lengthrange[out].any() else None,
             group=m.actuator_group[a],
+            **_history(m, "actuator", a),
             **where,
             **active,
         )
+
+    def _controls(self, a: int) -> dict[str, Any]:
+        """What an actuator is told, and the ranges of that, as attributes."""
+        m = self.m
+        first, count = int(m.actuator_ctrladr[a]), int(m.actuator_ctrlnum[a])
+        gain = GAINS[int(m.actuator_gaintype[a])]
+        if gain == "so3":
+            limits = m.actuator_ctrlrange[first]
+            limited = {"ctrllimited": bool(m.actuator_ctrllimited[first]), "ctrlrange": limits if limits.any() else None}
+            return {"input": ("expmap", "quat")[int(m.actuator_ctrlspec[a]) - 1], **limited}
+        several = gain in ("pid", "dcmotor")
+        bits = int(m.actuator_ctrlspec[a])
+        words = [word for i, word in enumerate(INPUTS) if bits >> i & 1]
+        out: dict[str, Any] = {"input": " ".join(words) or "none"} if several else {}
+        for word, u in zip(words if several else ("pos",), range(first, first + count)):
+            # A controller has a range for each; of other actuators all have one.
+            name = {"vel": "velrange", "ff": "ffrange"}.get(word) if out.get("input") and not _is_motor(m, a) else None
+            limits = m.actuator_ctrlrange[u]
+            if name:
+                out[name] = limits if m.actuator_ctrllimited[u] else None
+            else:
+                out["ctrllimited"] = bool(m.actuator_ctrllimited[u])
+                out["ctrlrange"] = limits if limits.any() else None
+        return out
 
     def _others(self) -> None:
         """What the loader has a word about: a note, a refusal, or a loss if it is lenient."""
@@ -350,15 +380,16 @@ class _Writer:
             for s in range(m.nsensor):
                 kind = mujoco.mjtSensor(m.sensor_type[s]).name.removeprefix("mjSENS_").lower()
                 tag = SENSORS.get(kind, kind)
-                numbers = {"cutoff": m.sensor_cutoff[s], "noise": m.sensor_noise[s]}
+                numbers = {"cutoff": m.sensor_cutoff[s], "noise": m.sensor_noise[s], **_history(m, "sensor", s)}
                 sensors.add(tag, name=m.sensor(s).name or f"sensor {s}", **numbers, **self._sensed(tag, s))
         if (m.geom_type == GEOMS.index("mesh")).any():
             assets = root.add("asset")
             for i in range(m.nmesh):
                 vertices, faces = self._mesh(i)
-                inertia, faces = _centred(vertices, faces)
                 written = {"vertex": vertices.ravel(), "face": faces.ravel()}
-                assets.add("mesh", name=self._mesh_name(i), inertia=inertia, **written)
+                # Bodies have their masses, so any way of finding the mesh's own does. Its frame is as MuJoCo found it: of a
+                # symmetric mesh rounding could turn the axes once more.
+                assets.add("mesh", name=self._mesh_name(i), inertia="shell", centered=True, **written)
 
     def _sensed(self, tag: str, s: int) -> dict[str, Any]:
         """What a sensor is about, as attributes; nothing of a kind that is not built."""
@@ -386,8 +417,7 @@ class _Writer:
         if tag == "rangefinder":
             bits = int(m.sensor_intprm[s][0])
             about["data"] = " ".join(field for i, field in enumerate(RAY_FIELDS) if bits >> i & 1)
-        history = int(m.sensor_history[s][0]) if hasattr(m, "sensor_history") else 0
-        return {**about, **({"nsample": history} if history else {})}
+        return about
 
     def _contact_sensor(self, s: int) -> dict[str, Any]:
         """What a contact sensor matches and returns."""
@@ -472,9 +502,27 @@ class _Writer:
         m = self.m
         for k in range(m.nkey):
             rows = {"qpos": m.key_qpos, "qvel": m.key_qvel, "act": m.key_act, "ctrl": m.key_ctrl}
-            rows.update(mpos=m.key_mpos, mquat=m.key_mquat)
+            rows.update(mpos=m.key_mpos, mquat=m.key_mquat, plastic=m.key_plastic)
             given = {name: array[k] for name, array in rows.items() if array[k].size}
             self.spec.keyframe.add("key", name=m.key(k).name or None, time=m.key_time[k], **given)
+
+
+def _is_motor(m: Any, a: int) -> bool:
+    return GAINS[int(m.actuator_gaintype[a])] == "dcmotor"
+
+
+def _history(m: Any, what: str, i: int) -> dict[str, Any]:
+    """What an actuator or sensor keeps of its past, as attributes."""
+    count, interpolation = getattr(m, f"{what}_history")[i]
+    if count <= 0:
+        return {}
+    interval = m.sensor_interval[i] if what == "sensor" else np.zeros(2)
+    return {
+        "nsample": int(count),
+        "interp": INTERPOLATIONS[int(interpolation)],
+        "delay": getattr(m, f"{what}_delay")[i],
+        "interval": interval if interval.any() else None,
+    }
 
 
 def _sizes(sizes: NDArray[np.float64], count: int) -> NDArray[np.float64] | None:
@@ -497,23 +545,6 @@ def _series(linear: float, rest: NDArray[np.float64]) -> list[float]:
     rest = np.atleast_1d(rest)
     last = int(np.flatnonzero(rest)[-1]) + 1 if rest.any() else 0
     return [float(linear), *rest[:last].tolist()]
-
-
-def _centred(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> tuple[str, NDArray[np.int32]]:
-    """The way of having mass by which the centre of a mesh is the origin, and its faces, turned outward if that way asks for it."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    middle = area @ (a + b + c) / (3 * area.sum())
-    volume = np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle))
-    if volume.sum() < 0:
-        volume, faces = -volume, faces[:, ::-1]
-    offset = {"shell": np.linalg.norm(middle)}
-    for way, weight in (("legacy", abs(volume)), ("exact", volume)):
-        total = weight.sum()
-        inner = weight @ (a + b + c - 3 * middle) / (4 * total) if total > 0 else np.inf
-        offset[way] = np.linalg.norm(middle + inner)
-    best = min(offset, key=lambda way: offset[way])
-    return (best if offset[best] < 1e-5 * np.abs(vertices).max() else "convex"), faces
 
 
 def differences(m: Any, model: Any) -> Iterator[str]:

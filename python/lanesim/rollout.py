@@ -141,7 +141,7 @@ class _Plan:
         sensordata: NDArray[Any] | None,
     ) -> None:
         self.model = model
-        self.nstate = 1 + model.nq + model.nv + model.na
+        self.nstate = _arrays.nstate(model)
         if nstep is not None:
             nstep = _arrays.count("nstep", nstep)
         start = _arrays.lead("initial_state", initial_state, 2)
@@ -278,7 +278,8 @@ def rollout(
 
     Args:
         model: The model.
-        initial_state: [nbatch or 1, nstate] in the layout of ``mjSTATE_FULLPHYSICS``: time (s), qpos, qvel, act.
+        initial_state: [nbatch or 1, nstate] in the layout of ``mjSTATE_FULLPHYSICS``: time (s), qpos, qvel, act,
+            history, plastic.
         control: [nbatch or 1, nstep or 1, nu]; None: zero.
         control_spec: ``mjSTATE_CTRL``; nothing else is built yet.
         skip_checks: Do not look for numbers that are not finite. A world that gets one is frozen at its last good state.

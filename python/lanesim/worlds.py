@@ -29,7 +29,7 @@ _COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body"
 _FIELDS = {name: (meaning, dims) for name, meaning, dims in _lanesim.FIELDS}
 _KEPT = tuple(name for name in _FIELDS if name not in _FORCES)
 # Those that a saved state has only if the model does.
-_OPTIONAL = ("eq_active", "mocap_pos", "mocap_quat", "tree_rest", "tree_guard")
+_OPTIONAL = ("history", "plastic", "eq_active", "mocap_pos", "mocap_quat", "tree_rest", "tree_guard")
 
 
 def _field(name: str, more: str = "") -> Any:
@@ -164,6 +164,8 @@ class Worlds:
     qpos = _field("qpos")
     qvel = _field("qvel")
     act = _field("act")
+    history = _field("history", "A reset puts it as it is at time 0.")
+    plastic = _field("plastic")
     ctrl = _field("ctrl")
     qacc_warmstart = _field(
         "qacc_warmstart",
@@ -235,7 +237,7 @@ class Worlds:
         self._forced |= name in _FORCES
 
     def set_state(self, rows: ArrayLike, mask: ArrayLike | None = None, *, ids: Ids = None) -> None:
-        """Sets whole states: rows of time, qpos, qvel and act, as ``get("state")`` gives them and as `lanesim.rollout`
+        """Sets whole states: rows of time, qpos, qvel, act, history and plastic, as ``get("state")`` gives them and as `lanesim.rollout`
         takes and returns them, [nworld or len(ids), nstate], or one for every world.
 
         Controls, warm start, forces from outside and status stay as they are; `reset` clears them. The warm start only
@@ -250,7 +252,7 @@ class Worlds:
         """A field's dimensions after the first."""
         m = self._model
         rows: dict[str, list[tuple[str, int]]] = {field: m._m.field(field) for field in _FIELDS}
-        rows["state"] = [("nstate", 1 + m.nq + m.nv + m.na)]
+        rows["state"] = [("nstate", _arrays.nstate(m))]
         if isinstance(name, str) and name in PARAMETERS:
             shape = getattr(m, name).shape
             return list(zip([_COUNTS.get(name.split("_")[0], ""), ""], shape))

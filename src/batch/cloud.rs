@@ -17,7 +17,7 @@ use lanesim_kernels::integration::displace;
 use lanesim_kernels::inverse::{self, Inverse};
 use lanesim_kernels::kick;
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{Actuator, Model as KernelModel};
+use lanesim_kernels::model::{Control, Model as KernelModel};
 use lanesim_kernels::options::Integrator;
 use lanesim_kernels::pipeline;
 use lanesim_kernels::stage::{Stage, Stages, Start};
@@ -167,9 +167,9 @@ fn start<T>(kind: Kind, of: Of, model: &KernelModel<T>) -> Option<Start> {
 }
 
 /// To which sides a control can be perturbed without leaving its range: forward, backward.
-fn sides<T: Real>(actuator: &Actuator<T>, control: f64, eps: f64) -> [bool; 2] {
-    let [low, high] = actuator.ctrl_range.map(T::to_f64);
-    let inside = |x: f64| !actuator.ctrl_limited || (low..=high).contains(&x);
+fn sides<T: Real>(own: &Control<T>, control: f64, eps: f64) -> [bool; 2] {
+    let [low, high] = own.range.map(T::to_f64);
+    let inside = |x: f64| !own.limited || (low..=high).contains(&x);
     [inside(control) && inside(control + eps), inside(control) && inside(control - eps)]
 }
 
@@ -317,7 +317,7 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                     continue;
                 };
                 let value = cloud.nominal.ctrl[control].get(lane).to_f64();
-                let [plus, minus] = sides(&self.tables.actuators[control], value, eps);
+                let [plus, minus] = sides(&self.tables.controls[control], value, eps);
                 forward &= !(u32::from(!plus) << lane);
                 backward &= !(u32::from(!minus) << lane);
             }

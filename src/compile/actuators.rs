@@ -2,7 +2,8 @@
 
 use lanesim_kernels::actuation::{self, Actuation};
 use lanesim_kernels::model::{
-    Actuator, Dynamics, Instance, Joint, JointKind, Model, MomentDof, Mount, Muscle, NONE, Span, Transmission,
+    Actuator, Control, Controller, Dynamics, Instance, Joint, JointKind, Model, MomentDof, Motor, Mount, Muscle, NONE,
+    Servo, Span, Transmission,
 };
 use lanesim_kernels::position::{self, Position};
 use lanesim_kernels::tendon;
@@ -20,7 +21,7 @@ use super::response::Responses;
 use super::tendons::Tendons;
 use crate::diagnostics::Diagnostics;
 use crate::model::ElementNames;
-use crate::spec::{self, Bias, Gain, Spec, is_limited};
+use crate::spec::{self, Bias, Gain, Input, Spec, is_limited};
 
 const MINVAL: f64 = 1e-15;
 
@@ -92,9 +93,17 @@ pub(crate) struct Actuators {
     pub table: Vec<Actuator<f64>>,
     pub mounts: Vec<Mount<f64>>,
     pub moment_dofs: Vec<MomentDof>,
-    /// Control ranges, infinite ones as they are; and those of activations.
-    pub ctrl_ranges: Vec<[f64; 2]>,
+    /// Control ranges, infinite ones as they are, and whether they are in force; and those of activations.
+    pub ctrl_ranges: Vec<([f64; 2], bool)>,
     pub act_ranges: Vec<[f64; 2]>,
+    /// Which of them are each actuator's.
+    pub rows: Vec<Span>,
+    pub servos: Vec<Servo<f64>>,
+    /// Controls, and which are whose.
+    pub controls: Vec<Control<f64>>,
+    pub told: Vec<Span>,
+    pub controllers: Vec<Controller<f64>>,
+    pub motors: Vec<Motor<f64>>,
     /// Activations.
     pub na: usize,
 }
@@ -120,6 +129,7 @@ pub(crate) fn actuators(
     let mut out = Actuators::default();
     for (actuator, target) in spec.actuators.iter().zip(targets) {
         let mut compiled = actuator_table(spec, actuator, target, joints);
+        compiled.id = out.told.len() as u32;
         let mut ctrl_range = actuator.ctrlrange.unwrap_or_default();
         let mut act_range = actuator.actrange.unwrap_or_default();
         let inherited = match target {
@@ -135,15 +145,12 @@ pub(crate) fn actuators(
                 set_act_range(&mut compiled, range, actuator.actlimited);
             } else {
                 ctrl_range = range;
-                set_ctrl_range(&mut compiled, range, actuator.ctrllimited);
             }
         }
-        out.ctrl_ranges.push(ctrl_range);
+        out.add_controls(actuator, ctrl_range, &mut compiled);
         out.act_ranges.push(act_range);
-        if compiled.dynamics != Dynamics::None {
-            compiled.act = out.na as u32;
-            out.na += 1;
-        }
+        out.rows.push(Span { start: out.table.len() as u32, len: actuator.outputs() as u32 });
+        out.add_states(actuator, spec.option.timestep, &mut compiled);
         let moves: Vec<MomentDof> = match target {
             Target::Joint(joint) => {
                 let first = joints[*joint].dof;
@@ -166,11 +173,126 @@ pub(crate) fn actuators(
                 apart.map(|entry| MomentDof { dof: entry.dof, moves: entry.moves }).collect()
             }
         };
+        if actuator.gain == Gain::So3 {
+            out.add_servo(actuator, &moves, compiled);
+            continue;
+        }
         compiled.moments = Span { start: out.moment_dofs.len() as u32, len: moves.len() as u32 };
         out.moment_dofs.extend(moves);
         out.table.push(compiled);
     }
     out
+}
+
+impl Actuators {
+    /// Gives an actuator its controls; the first has a range of its own, or one that it inherits.
+    fn add_controls(&mut self, written: &spec::Actuator, first: [f64; 2], compiled: &mut Actuator<f64>) {
+        let (start, count) = (self.controls.len() as u32, written.controls());
+        compiled.ctrl = if count == 0 { NONE } else { start };
+        self.told.push(Span { start, len: count as u32 });
+        let several = matches!(written.gain, Gain::Pid);
+        for k in 0..count {
+            let own = |range: Option<[f64; 2]>| (range.unwrap_or_default(), is_limited(range, spec::Tri::Auto));
+            let (range, limited) = match written.inputs.get(k) {
+                Some(Input::Vel) if several => own(written.velrange),
+                Some(Input::FeedForward) if several => own(written.ffrange),
+                _ => (first, is_limited(Some(first), written.ctrllimited)),
+            };
+            self.ctrl_ranges.push((range, limited));
+            let limited = limited && !bounds::are_none(range);
+            self.controls.push(Control { actuator: compiled.id, limited, range: bounds::of_clamp(range) });
+        }
+    }
+
+    /// Gives an actuator its activations, and what it does with them.
+    fn add_states(&mut self, written: &spec::Actuator, timestep: f64, compiled: &mut Actuator<f64>) {
+        let states = written.states().map(|is| {
+            let place = if is { self.na as u32 } else { NONE };
+            self.na += usize::from(is);
+            place
+        });
+        if compiled.dynamics != Dynamics::None {
+            compiled.act = states[0];
+        }
+        let motor = written.gain == Gain::DcMotor;
+        let input = |input: Input| {
+            written.inputs.iter().position(|own| *own == input).map_or(NONE, |place| compiled.ctrl + place as u32)
+        };
+        let inputs = [Input::Pos, Input::Vel, Input::FeedForward].map(input);
+        if written.gain == Gain::Pid || motor && inputs != [NONE; 3] {
+            compiled.controller = self.controllers.len() as u32;
+            self.controllers.push(controller(written, inputs, [states[0], states[1]], timestep));
+        }
+        if motor {
+            compiled.motor = self.motors.len() as u32;
+            let [_, _, temperature, bristle, current] = states;
+            let own = motor_table(written, timestep);
+            self.motors.push(Motor { voltage: input(Input::Voltage), temperature, bristle, current, ..own });
+        }
+    }
+}
+
+impl Actuators {
+    /// The three actuators of a servo on an orientation, which `moves` say what moves.
+    fn add_servo(&mut self, written: &spec::Actuator, moves: &[MomentDof], compiled: Actuator<f64>) {
+        let most = written.forcerange.map_or(f64::INFINITY, |range| range[1]);
+        let bounded = is_limited(written.forcerange, written.forcelimited) && most.is_finite();
+        let (first, ctrl) = (self.table.len() as u32, compiled.ctrl);
+        let quaternion = written.quaternion;
+        let most = if bounded { most } else { 0.0 };
+        self.servos.push(Servo { first, ctrl, quaternion, bounded, most });
+        for axis in 0..3 {
+            // A ball's dofs are its child's axes.
+            let own = if compiled.transmission == Transmission::Turn { &moves[axis..=axis] } else { moves };
+            let moments = Span { start: self.moment_dofs.len() as u32, len: own.len() as u32 };
+            self.moment_dofs.extend_from_slice(own);
+            let act = if compiled.act == NONE { NONE } else { compiled.act + axis as u32 };
+            let ctrl = if quaternion { NONE } else { ctrl + axis as u32 };
+            let servo = self.servos.len() as u32 - 1;
+            self.table.push(Actuator { moments, act, ctrl, servo, force_limited: false, ..compiled.clone() });
+        }
+    }
+}
+
+/// What an actuator does with several controls.
+fn controller(a: &spec::Actuator, inputs: [u32; 3], [slew, integral]: [u32; 2], timestep: f64) -> Controller<f64> {
+    let [windup, slew_rate] = match a.gain {
+        Gain::DcMotor => [a.dynprm[8], a.dynprm[7]],
+        _ => [a.dynprm[0], a.dynprm[1]],
+    };
+    let (ki, gains) = match a.gain {
+        Gain::DcMotor => (a.gainprm[5], [a.gainprm[4], a.gainprm[6]]),
+        _ => (a.gainprm[0], [0.0; 2]),
+    };
+    let winds = windup > 0.0;
+    Controller { inputs, slew, integral, winds, slew_step: slew_rate * timestep, slew_rate, windup, ki, gains }
+}
+
+/// A motor, but for its control and its activations.
+fn motor_table(a: &spec::Actuator, timestep: f64) -> Motor<f64> {
+    let [resistance, constant, warming, told_at, _, _, _, most_voltage, ..] = a.gainprm;
+    let [time, most_rise, lost, capacity, air, stiffness, damping, ..] = a.dynprm;
+    let [amplitude, periods, phase, moving, still, fades, ..] = a.biasprm;
+    let inverse = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
+    Motor {
+        voltage: NONE,
+        temperature: NONE,
+        bristle: NONE,
+        current: NONE,
+        saturates: most_voltage > 0.0,
+        rises: most_rise > 0.0,
+        cogs: amplitude != 0.0,
+        resistance,
+        constant,
+        warming: [warming, air - told_at],
+        heating: [inverse(capacity), inverse(lost * capacity)],
+        most_voltage,
+        electric: [inverse(time), -time * (-timestep * inverse(time)).exp_m1()],
+        most_rise,
+        cogging: [amplitude, periods, phase],
+        bristles: [stiffness, damping],
+        friction: [moving, still - moving, inverse(fades)],
+    }
 }
 
 /// Refuses what discrete steps do not have: a metric that joins branches.
@@ -183,7 +305,8 @@ pub(crate) fn check_discrete(spec: &Spec, tables: &Model<f64>, diagnostics: &mut
         let runs = tables.tree_pattern.row(two[1].dof as usize);
         runs.iter().any(|run| run.range().contains(&(two[0].dof as usize)))
     };
-    for (i, (actuator, written)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
+    for actuator in &tables.actuators {
+        let (i, written) = (actuator.id as usize, &spec.actuators[actuator.id as usize]);
         let branches = !tables.moment_dofs[actuator.moments.range()].windows(2).all(above);
         if branches && actuator.follows() {
             let message = format!(
@@ -225,21 +348,27 @@ pub(crate) fn constants(
     tendon::tendons(tables, &position, &tables.qpos0, &vec![0.0; tables.sizes.nv], &mut tendons);
     actuation::lengths(instance, (&tables.qpos0[..]).into(), (&position, &tendons), &mut actuation);
     let responses = Responses::new(&derived.hinges);
-    let Model { actuators, moment_dofs, muscles, .. } = tables;
-    for (a, (actuator, compiled)) in spec.actuators.iter().zip(actuators).enumerate() {
+    let Model { actuators, servos, moment_dofs, muscles, .. } = tables;
+    let mut along = 0.0;
+    for (a, compiled) in actuators.iter_mut().enumerate() {
+        let (id, actuator) = (compiled.id as usize, &spec.actuators[compiled.id as usize]);
         let moments = compiled.moments.range();
         let response = derived
             .heavy_response(&moment_dofs[moments.clone()], &actuation.moment[moments.clone()])
             .unwrap_or_else(|| responses.to(&moment_dofs[moments.clone()], &actuation.moment[moments]));
         out.acc0.push(response.norm);
         out.length0.push(actuation.length[a]);
+        let of_servo = servos.get(compiled.servo as usize).map(|servo| a - servo.first as usize);
+        along = if of_servo.is_some_and(|axis| axis > 0) { along + response.along } else { response.along };
         if actuator.dampratio > 0.0 {
-            let mass = 1.0 / response.along.max(1e-15);
-            compiled.bias[2] = -2.0 * actuator.dampratio * (compiled.gain[0].max(0.0) * mass).sqrt();
+            // All axes of a servo hold as one does to which they are on average.
+            let mass = actuator.outputs() as f64 / along.max(1e-15);
+            let stiffness = if actuator.gain == Gain::Pid { -compiled.bias[1] } else { compiled.gain[0] };
+            compiled.bias[2] = -2.0 * actuator.dampratio * (stiffness.max(0.0) * mass).sqrt();
             compiled.bias_affine = true;
         }
         let mut muscle = |prm: &[f64; 10]| {
-            muscles.push(muscle(prm, out.length_ranges[a], response.norm));
+            muscles.push(muscle(prm, out.length_ranges[id], response.norm));
             muscles.len() as u32 - 1
         };
         if actuator.gain == Gain::Muscle {
@@ -249,6 +378,12 @@ pub(crate) fn constants(
             compiled.muscle_bias = muscle(&actuator.biasprm);
         }
     }
+    // Of a servo, the last axis knows what all hold against.
+    for servo in servos.iter() {
+        let first = servo.first as usize;
+        let hold = actuators[first + 2].bias[2];
+        actuators[first..first + 2].iter_mut().for_each(|own| own.bias[2] = hold);
+    }
     out
 }
 
@@ -257,6 +392,8 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: &Target, joints: &[Jo
     let in_parent = matches!(a.transmission, spec::Transmission::JointInParent(_));
     let transmission = match (&a.transmission, joint.map(|joint| (joint.kind, in_parent))) {
         (spec::Transmission::SliderCrank { .. }, _) => Transmission::SliderCrank,
+        (spec::Transmission::Site { .. }, _) if a.gain == Gain::So3 => Transmission::TurnBetween,
+        (spec::Transmission::Joint(_), _) if a.gain == Gain::So3 => Transmission::Turn,
         (spec::Transmission::Site { reference: Some(_), .. }, _) => Transmission::Relative,
         (spec::Transmission::Site { .. }, _) => Transmission::Site,
         (spec::Transmission::Tendon(_), _) => Transmission::Tendon,
@@ -269,13 +406,13 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: &Target, joints: &[Jo
     };
     let first = |prm: &[f64; 10]| [prm[0], prm[1], prm[2]];
     let gain = match a.gain {
-        Gain::Fixed => [a.gainprm[0], 0.0, 0.0],
+        Gain::Fixed | Gain::So3 => [a.gainprm[0], 0.0, 0.0],
         Gain::Affine => first(&a.gainprm),
-        Gain::Muscle => [0.0; 3],
+        Gain::Muscle | Gain::Pid | Gain::DcMotor => [0.0; 3],
     };
     let bias = match a.bias {
-        Bias::None | Bias::Muscle => [0.0; 3],
-        Bias::Affine => first(&a.biasprm),
+        Bias::None | Bias::Muscle | Bias::DcMotor => [0.0; 3],
+        Bias::Affine | Bias::So3 => first(&a.biasprm),
     };
     let groups = spec.option.actuatorgroupdisable;
     let force_range = a.forcerange.unwrap_or_default();
@@ -290,20 +427,23 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: &Target, joints: &[Jo
         turns: a.gear[3..] != [0.0; 3],
         gain_affine: gain[1..] != [0.0; 2],
         bias_affine: bias != [0.0; 3],
-        ctrl_limited: false,
+        ctrl: NONE,
+        controller: NONE,
+        id: 0,
+        servo: NONE,
+        motor: NONE,
         force_limited: is_limited(a.forcerange, a.forcelimited) && !bounds::are_none(force_range),
         disabled: u32::try_from(a.group).ok().and_then(|g| groups.checked_shr(g)).is_some_and(|g| g & 1 == 1),
         gear: a.gear,
         rod: if let spec::Transmission::SliderCrank { rod, .. } = a.transmission { rod } else { 0.0 },
         gain,
         bias,
-        ctrl_range: [0.0; 2],
         force_range: bounds::of_clamp(force_range),
         turning: turns(a, transmission),
         dynamics: Dynamics::None,
         act: NONE,
         act_limited: false,
-        early: a.actearly,
+        early: a.actearly && a.gain != Gain::DcMotor,
         smooth: false,
         muscle_gain: NONE,
         muscle_bias: NONE,
@@ -313,7 +453,6 @@ fn actuator_table(spec: &Spec, a: &spec::Actuator, target: &Target, joints: &[Jo
     };
     set_dynamics(&mut compiled, a, spec.option.timestep);
     set_act_range(&mut compiled, a.actrange.unwrap_or_default(), a.actlimited);
-    set_ctrl_range(&mut compiled, a.ctrlrange.unwrap_or_default(), a.ctrllimited);
     compiled
 }
 
@@ -332,7 +471,7 @@ fn turns(a: &spec::Actuator, transmission: Transmission) -> bool {
 fn set_dynamics(compiled: &mut Actuator<f64>, a: &spec::Actuator, timestep: f64) {
     let (time, [tense, relax, smooth]) = (a.dynprm[0].max(MINVAL), [a.dynprm[0], a.dynprm[1], a.dynprm[2]]);
     compiled.dynamics = match a.dynamics {
-        spec::Dynamics::None => Dynamics::None,
+        spec::Dynamics::None | spec::Dynamics::Pid | spec::Dynamics::DcMotor => Dynamics::None,
         spec::Dynamics::Integrator => Dynamics::Integrator,
         spec::Dynamics::Filter | spec::Dynamics::FilterExact => {
             compiled.times[0] = 1.0 / time;
@@ -379,10 +518,4 @@ pub(crate) fn is_scaled_muscle(a: &spec::Actuator) -> bool {
 fn set_act_range(compiled: &mut Actuator<f64>, range: [f64; 2], flag: spec::Tri) {
     compiled.act_range = bounds::of_clamp(range);
     compiled.act_limited = is_limited(Some(range), flag) && !bounds::are_none(range);
-}
-
-/// Gives an actuator a control range, which is in force if the flag says so.
-fn set_ctrl_range(compiled: &mut Actuator<f64>, range: [f64; 2], flag: spec::Tri) {
-    compiled.ctrl_range = bounds::of_clamp(range);
-    compiled.ctrl_limited = is_limited(Some(range), flag) && !bounds::are_none(range);
 }

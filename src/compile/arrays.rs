@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use lanesim_kernels::model::NONE;
+use lanesim_kernels::model::{NONE, Ring};
 use lanesim_kernels::options::{Cone, Integrator, Options, Solver};
 
 use super::actuators::{Actuators, Constants, Target};
@@ -13,7 +13,7 @@ use super::links::Links;
 use super::order::Scene;
 use super::pairs;
 use crate::model::{Array, ArrayData, Key, Names};
-use crate::spec::{Bias, Dynamics, Gain, Geom, HeightField, JointKind, Shape, Spec, Transmission, is_limited};
+use crate::spec::{Bias, Dynamics, Gain, Geom, HeightField, History, JointKind, Shape, Spec, Transmission, is_limited};
 
 /// What the arrays show.
 pub(crate) struct Sources<'a> {
@@ -136,6 +136,8 @@ fn joint_arrays(s: &Sources, out: &mut Arrays) {
     out.reals("jnt_axis", 3, table.iter().flat_map(|j| j.axis));
     out.reals("jnt_stiffness", 0, table.iter().map(|j| j.stiffness[0]));
     out.reals("jnt_stiffnesspoly", 2, table.iter().flat_map(|j| [j.stiffness[1], j.stiffness[2]]));
+    out.reals("jnt_springyield", 0, table.iter().map(|j| j.springyield));
+    out.ints("jnt_plasticadr", 0, table.iter().map(|j| place(j.plastic)));
     out.reals("jnt_range", 2, joints.iter().flat_map(|j| j.spec.range.unwrap_or_default()));
     out.reals("jnt_actfrcrange", 2, joints.iter().flat_map(|j| j.spec.actuatorfrcrange.unwrap_or_default()));
     out.reals("jnt_margin", 0, joints.iter().map(|j| j.spec.margin));
@@ -283,11 +285,18 @@ fn tendons(s: &Sources, out: &mut Arrays) {
     out.reals("tendon_armature", 0, written.iter().map(|t| t.armature));
     out.reals("tendon_frictionloss", 0, written.iter().map(|t| t.frictionloss));
     out.reals("tendon_lengthspring", 2, table.iter().flat_map(|t| t.rest));
+    out.reals("tendon_springyield", 0, table.iter().map(|t| t.springyield));
+    out.ints("tendon_plasticadr", 0, table.iter().map(|t| place(t.plastic)));
     out.reals("tendon_length0", 0, own.length0.iter().copied());
     out.reals("tendon_invweight0", 0, own.invweight0.iter().copied());
     out.ints("wrap_type", 0, own.points.iter().map(|point| point.0));
     out.ints("wrap_objid", 0, own.points.iter().map(|point| point.1));
     out.reals("wrap_prm", 0, own.points.iter().map(|point| point.2));
+}
+
+/// MuJoCo's number of a place; -1: none.
+fn place(place: u32) -> i32 {
+    if place == NONE { -1 } else { place as i32 }
 }
 
 fn equalities(s: &Sources, out: &mut Arrays) {
@@ -330,59 +339,75 @@ fn actuators(s: &Sources, out: &mut Arrays) {
         Target::Joint(target) | Target::Tendon(target) | Target::Body(target) => [*target as i32, -1],
         Target::Sites(sites) => [0, 1].map(|k| sites.get(k).map_or(-1, |site| *site as i32)),
     };
-    out.ints("actuator_trntype", 0, written.iter().map(|a| kind(&a.transmission)));
+    let turns = |a: &crate::spec::Actuator| if a.gain == Gain::So3 { 6 } else { kind(&a.transmission) };
+    out.ints("actuator_trntype", 0, written.iter().map(turns));
+    out.ints("actuator_outadr", 0, actuators.rows.iter().map(|rows| rows.start as i32));
+    out.ints("actuator_outnum", 0, actuators.rows.iter().map(|rows| rows.len as i32));
+    let first = || actuators.rows.iter().map(|rows| &table[rows.start as usize]);
     out.ints("actuator_trnid", 2, targets.iter().flat_map(ids));
-    out.reals("actuator_cranklength", 0, table.iter().map(|a| a.rod));
+    out.reals("actuator_cranklength", 0, first().map(|a| a.rod));
     let dynamics = |dynamics: Dynamics| match dynamics {
         Dynamics::None => 0,
         Dynamics::Integrator => 1,
         Dynamics::Filter => 2,
         Dynamics::FilterExact => 3,
         Dynamics::Muscle => 4,
+        Dynamics::DcMotor => 5,
+        Dynamics::Pid => 6,
     };
     let gain = |gain: Gain| match gain {
         Gain::Fixed => 0,
         Gain::Affine => 1,
         Gain::Muscle => 2,
+        Gain::DcMotor => 3,
+        Gain::So3 => 4,
+        Gain::Pid => 5,
     };
     let bias = |bias: Bias| match bias {
         Bias::None => 0,
         Bias::Affine => 1,
         Bias::Muscle => 2,
+        Bias::DcMotor => 3,
+        Bias::So3 => 4,
     };
     out.ints("actuator_dyntype", 0, written.iter().map(|a| dynamics(a.dynamics)));
     out.ints("actuator_gaintype", 0, written.iter().map(|a| gain(a.gain)));
     out.ints("actuator_biastype", 0, written.iter().map(|a| bias(a.bias)));
-    let some = |act: u32| act != lanesim_kernels::model::NONE;
-    out.ints("actuator_actadr", 0, table.iter().map(|a| if some(a.act) { a.act as i32 } else { -1 }));
-    out.ints("actuator_actnum", 0, table.iter().map(|a| i32::from(some(a.act))));
-    out.ints("actuator_actearly", 0, written.iter().map(|a| i32::from(a.actearly)));
+    let counts = || written.iter().map(|a| a.activations() as i32);
+    let starts = counts().scan(0, |next, count| Some(std::mem::replace(next, *next + count)));
+    out.ints("actuator_actadr", 0, starts.zip(counts()).map(|(start, count)| if count > 0 { start } else { -1 }));
+    out.ints("actuator_actnum", 0, counts());
+    out.ints("actuator_ctrladr", 0, actuators.told.iter().map(|told| told.start as i32));
+    out.ints("actuator_ctrlnum", 0, actuators.told.iter().map(|told| told.len as i32));
+    out.ints("actuator_actearly", 0, written.iter().map(|a| i32::from(a.actearly || a.gain == Gain::DcMotor)));
     let ranges = &actuators.act_ranges;
     let limited = written.iter().zip(ranges).map(|(a, &range)| is_limited(Some(range), a.actlimited));
     out.ints("actuator_actlimited", 0, limited.map(i32::from));
     out.reals("actuator_actrange", 2, ranges.iter().flatten().copied());
     out.reals("actuator_dynprm", 10, written.iter().flat_map(|a| a.dynprm));
-    out.reals("actuator_lengthrange", 2, constants.length_ranges.iter().flatten().copied());
+    out.reals("actuator_lengthrange", 2, table.iter().flat_map(|a| constants.length_ranges[a.id as usize]));
     out.ints("actuator_group", 0, written.iter().map(|a| a.group));
     let ranges = &actuators.ctrl_ranges;
-    let limited = written.iter().zip(ranges).map(|(a, &range)| is_limited(Some(range), a.ctrllimited));
-    out.ints("actuator_ctrllimited", 0, limited.map(i32::from));
+    out.ints("actuator_ctrllimited", 0, ranges.iter().map(|(_, limited)| i32::from(*limited)));
     out.ints("actuator_forcelimited", 0, written.iter().map(|a| i32::from(is_limited(a.forcerange, a.forcelimited))));
     out.reals("actuator_gainprm", 10, written.iter().flat_map(|a| a.gainprm));
     let bias = |(a, t): (&crate::spec::Actuator, &lanesim_kernels::model::Actuator<f64>)| {
         let mut prm = a.biasprm;
-        if a.bias == Bias::Affine {
+        if matches!(a.bias, Bias::Affine | Bias::So3) {
             prm[..3].copy_from_slice(&t.bias);
         }
         prm
     };
-    out.reals("actuator_biasprm", 10, written.iter().zip(table).flat_map(bias));
-    out.reals("actuator_ctrlrange", 2, ranges.iter().flatten().copied());
+    out.reals("actuator_biasprm", 10, written.iter().zip(first()).flat_map(bias));
+    out.reals("actuator_ctrlrange", 2, ranges.iter().flat_map(|(range, _)| *range));
     out.reals("actuator_forcerange", 2, written.iter().flat_map(|a| a.forcerange.unwrap_or_default()));
     out.reals("actuator_gear", 6, table.iter().flat_map(|a| a.gear));
     out.reals("actuator_armature", 0, written.iter().map(|a| a.armature));
     out.reals("actuator_damping", 0, written.iter().map(|a| a.damping[0]));
     out.reals("actuator_dampingpoly", 2, written.iter().flat_map(|a| [a.damping[1], a.damping[2]]));
+    out.ints("actuator_history", 2, written.iter().flat_map(|a| kept(&a.history)));
+    out.ints("actuator_historyadr", 0, addresses(written.iter().map(|a| &a.history), &s.tables.ctrl_rings));
+    out.reals("actuator_delay", 0, written.iter().map(|a| a.history.delay));
     out.reals("actuator_acc0", 0, constants.acc0.iter().copied());
     out.reals("actuator_length0", 0, constants.length0.iter().copied());
 }
@@ -400,6 +425,24 @@ fn sensors(s: &Sources, out: &mut Arrays) {
     out.ints("sensor_adr", 0, table.iter().map(|sensor| sensor.data.start as i32));
     out.reals("sensor_cutoff", 0, written.iter().map(|sensor| sensor.cutoff));
     out.reals("sensor_noise", 0, written.iter().map(|sensor| sensor.noise));
+    out.ints("sensor_history", 2, written.iter().flat_map(|sensor| kept(&sensor.history)));
+    out.ints("sensor_historyadr", 0, addresses(written.iter().map(|sensor| &sensor.history), &s.tables.sensor_rings));
+    out.reals("sensor_delay", 0, written.iter().map(|sensor| sensor.history.delay));
+    out.reals("sensor_interval", 2, written.iter().flat_map(|sensor| sensor.history.interval));
+}
+
+/// Number of samples of a history, and MuJoCo's number of its interpolation.
+fn kept(history: &History) -> [i32; 2] {
+    [history.nsample as i32, history.interp as i32]
+}
+
+/// Where the histories are that are kept; -1: one is not.
+fn addresses<'a>(histories: impl Iterator<Item = &'a History>, rings: &[Ring]) -> impl Iterator<Item = i32> {
+    let mut rings = rings.iter();
+    histories.map(move |history| {
+        let ring = (history.nsample > 0).then(|| rings.next()).flatten();
+        ring.map_or(-1, |ring| ring.span.start as i32)
+    })
 }
 
 fn keys(s: &Sources, out: &mut Arrays) {
@@ -407,10 +450,11 @@ fn keys(s: &Sources, out: &mut Arrays) {
     let n = s.keys.len();
     out.reals("key_time", 0, s.keys.iter().map(|k| k.time));
     type Field = fn(&Key) -> &Vec<f64>;
-    let fields: [(&'static str, usize, Field); 6] = [
+    let fields: [(&'static str, usize, Field); 7] = [
         ("key_qpos", sizes.nq, |k| &k.qpos),
         ("key_qvel", sizes.nv, |k| &k.qvel),
         ("key_act", sizes.na, |k| &k.act),
+        ("key_plastic", sizes.nplastic, |k| &k.plastic),
         ("key_ctrl", sizes.nu, |k| &k.ctrl),
         ("key_mpos", 3 * sizes.nmocap, |k| &k.mpos),
         ("key_mquat", 4 * sizes.nmocap, |k| &k.mquat),

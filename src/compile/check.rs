@@ -4,113 +4,16 @@ use std::collections::HashSet;
 
 use lanesim_kernels::options::Integrator;
 
+use super::drives;
+use super::element::Element;
 use super::lengthrange::MOST_STEPS;
 use super::names::{self, label};
 use crate::diagnostics::{Diagnostics, quoted};
-use crate::spec::{
-    Actuator, Bias, Body, Dynamics, Gain, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Options, Pair,
-    Path, Shape, Source, Spec, Tendon, Transmission, Tri, Waypoint, is_limited,
-};
-use crate::suggest::did_you_mean;
+use crate::spec::{Body, Geom, GeomMass, Inertia, Joint, JointKind, Key, LengthRange, Pair, Shape, Source, Spec};
 use crate::unbuilt::unbuilt;
 
 /// Most numbers of all keyframes together.
 const MOST_KEY_NUMBERS: usize = 10_000_000;
-
-/// One element under examination.
-pub(super) struct Element<'a> {
-    label: String,
-    source: &'a Source,
-    diagnostics: &'a mut Diagnostics,
-}
-
-impl<'a> Element<'a> {
-    pub fn new(label: String, source: &'a Source, diagnostics: &'a mut Diagnostics) -> Self {
-        Element { label, source, diagnostics }
-    }
-
-    pub fn refuse(&mut self, message: impl Into<String>, remedy: impl Into<String>) {
-        self.diagnostics.push(self.source, self.label.clone(), message, remedy);
-    }
-
-    /// Refuses a reference to what is not there. Only the first few come with a suggestion: each costs a search.
-    pub fn unknown<'b>(&mut self, message: String, name: &str, candidates: impl Iterator<Item = &'b str>) {
-        const SUGGESTED: usize = 20;
-        let few = self.diagnostics.0.len() < SUGGESTED;
-        let hint = if few { did_you_mean(name, candidates) } else { String::new() };
-        self.refuse(message, hint);
-    }
-
-    /// Refuses NaN and infinity; whether all numbers are finite.
-    pub fn finite(&mut self, attribute: &str, values: &[f64]) -> bool {
-        let ok = values.iter().all(|x| x.is_finite());
-        if !ok {
-            self.refuse(format!("{attribute} is not finite"), "give finite numbers");
-        }
-        ok
-    }
-
-    pub fn not_negative(&mut self, attribute: &str, values: &[f64]) {
-        if self.finite(attribute, values)
-            && let Some(x) = values.iter().find(|&&x| x < 0.0)
-        {
-            self.refuse(format!("{attribute} is negative: {x}"), "give 0 or more");
-        }
-    }
-
-    pub fn quat(&mut self, attribute: &str, quat: &[f64]) {
-        if self.finite(attribute, quat) {
-            let norm = quat.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if norm < 1e-15 || !norm.is_finite() {
-                self.refuse(format!("{attribute} has no direction"), "give a quaternion of length one");
-            }
-        }
-    }
-
-    fn pose(&mut self, pos: &[f64; 3], quat: &[f64; 4]) {
-        self.finite("pos", pos);
-        self.quat("quat", quat);
-    }
-
-    pub fn solref(&mut self, attribute: &str, solref: &[f64; 2]) {
-        if self.finite(attribute, solref) && (solref[0] > 0.0) != (solref[1] > 0.0) {
-            self.refuse(
-                format!("{attribute} mixes its two forms: {} {}", solref[0], solref[1]),
-                "give two positive numbers (time constant, damping ratio) or none (-stiffness, -damping)",
-            );
-        }
-    }
-
-    fn condim(&mut self, condim: i32) {
-        if ![1, 3, 4, 6].contains(&condim) {
-            self.refuse(format!("condim is {condim}"), "use 1, 3, 4 or 6");
-        }
-    }
-
-    /// Whether a range is in force; refuses what cannot be. `0 0` counts as not given.
-    fn range(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) -> bool {
-        if range.is_some_and(|range| range.iter().any(|x| x.is_nan())) {
-            self.refuse(format!("{attribute} is not a number"), "give numbers, or inf for no bound");
-            return false;
-        }
-        if flag == Tri::Auto && range.is_some_and(|range| range != [0.0, 0.0]) && !autolimits {
-            self.refuse(
-                format!("{attribute} without {limited}, and autolimits is off"),
-                format!("set {limited}, or autolimits=\"true\""),
-            );
-            return false;
-        }
-        is_limited(range, flag)
-    }
-
-    /// As [`range`](Self::range); a range in force must not be empty.
-    pub fn bounds(&mut self, attribute: &str, limited: &str, range: Option<[f64; 2]>, flag: Tri, autolimits: bool) {
-        let [lo, hi] = range.unwrap_or_default();
-        if self.range(attribute, limited, range, flag, autolimits) && lo >= hi {
-            self.refuse(format!("{attribute} is empty: {lo} {hi}"), format!("give {attribute} as lower upper"));
-        }
-    }
-}
 
 /// Adds every problem of `spec`. Whether bodies form a tree, so that later passes may walk it.
 pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
@@ -144,18 +47,23 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) -> bool {
         }
     }
     check_contact(spec, diagnostics);
-    check_actuators(spec, diagnostics);
+    drives::check(spec, diagnostics);
     check_keys(spec, diagnostics);
     tree
 }
 
-/// Refuses a surface that moves where no number is, or where steps do not know of it.
+/// Refuses an ellipsoid in a medium, and a surface that moves, where no number is, or where steps do not know of it.
 fn check_surface(spec: &Spec, geom: &Geom, index: usize, diagnostics: &mut Diagnostics) {
     let mut element = Element { label: label("geom", &geom.name, index), source: &geom.source, diagnostics };
     let fluid = geom.fluid.unwrap_or_default();
     element.finite("fluidcoef", &fluid);
+    let (discrete, o) = (spec.option.integrator == Integrator::Discrete, &spec.option);
+    if geom.fluid.is_some() && discrete && (o.density != 0.0 || o.viscosity != 0.0) {
+        let message = "fluidshape ellipsoid in a medium, which integrator discrete does not support";
+        element.refuse(message, "set integrator=\"implicitfast\"");
+    }
     let finite = element.finite("surfacevel", &geom.surfacevel);
-    if finite && geom.surfacevel != [0.0; 6] && spec.option.integrator == Integrator::Discrete {
+    if finite && geom.surfacevel != [0.0; 6] && discrete {
         let message = "surfacevel, which integrator discrete does not support";
         element.refuse(message, "set integrator=\"implicitfast\"");
     }
@@ -335,6 +243,10 @@ fn check_joint(joint: &Joint, index: usize, autolimits: bool, diagnostics: &mut 
     }
     element.finite("ref", &[joint.reference]);
     element.finite("springref", &[joint.springref]);
+    element.not_negative("springyield", &[joint.springyield]);
+    if joint.springyield > 0.0 && joint.kind == JointKind::Free {
+        element.refuse("springyield, but the spring of a free joint does not yield", "remove it");
+    }
     element.finite("stiffness", &joint.stiffness);
     element.finite("damping", &joint.damping);
     element.not_negative("damping", &joint.damping[..1]);
@@ -446,179 +358,14 @@ fn check_pair(pair: &Pair, index: usize, geoms: &HashSet<&str>, spec: &Spec, dia
     element.finite("gap", &[pair.gap]);
 }
 
-fn check_actuators(spec: &Spec, diagnostics: &mut Diagnostics) {
-    let joints = || spec.bodies.iter().flat_map(|b| &b.joints);
-    let sites = spec.bodies.iter().flat_map(|b| &b.sites).map(|s| s.name.as_str()).filter(|name| !name.is_empty());
-    let sites: std::collections::BTreeSet<&str> = sites.collect();
-    let by_name: std::collections::HashMap<&str, &Joint> = joints().map(|j| (j.name.as_str(), j)).collect();
-    for (i, actuator) in spec.actuators.iter().enumerate() {
-        let label = label("actuator", &actuator.name, i);
-        let mut element = Element { label, source: &actuator.source, diagnostics };
-        let mut joint = None;
-        if let Some(target) = actuator.transmission.joint() {
-            joint = if target.is_empty() { None } else { by_name.get(target).copied() };
-            if target.is_empty() {
-                element.refuse("acts on nothing", "name a joint");
-            } else if joint.is_none() {
-                let message = format!("acts on an unknown joint {}", quoted(target));
-                element.unknown(message, target, joints().map(|j| j.name.as_str()));
-            }
-        }
-        let mut tendon = None;
-        if let Some(target) = actuator.transmission.tendon() {
-            tendon = spec.tendons.iter().find(|tendon| tendon.name == target && !target.is_empty());
-            if tendon.is_none() {
-                let message = format!("acts on an unknown tendon {}", quoted(target));
-                element.unknown(message, target, spec.tendons.iter().map(|tendon| tendon.name.as_str()));
-            }
-        }
-        if let Some(target) = actuator.transmission.body() {
-            let names = || spec.bodies.iter().map(|body| body.name.as_str()).filter(|name| !name.is_empty());
-            if !names().any(|name| name == target) {
-                element.unknown(format!("acts on an unknown body {}", quoted(target)), target, names());
-            }
-            check_on_body(actuator, &spec.option, &mut element);
-        }
-        for (attribute, name) in actuator.transmission.sites() {
-            if !sites.contains(name) {
-                let message = format!("{attribute} names an unknown site {}", quoted(name));
-                element.unknown(message, name, sites.iter().copied());
-            }
-        }
-        check_actuator(actuator, (joint, tendon), spec.compiler.autolimits, &mut element);
-    }
-}
-
-/// Refuses what depends on the length and the velocity of an actuator on a body, of which it has none before contacts are known.
-fn check_on_body(a: &Actuator, option: &Options, element: &mut Element) {
-    let follows =
-        a.gain == Gain::Affine && a.gainprm[1..3] != [0.0; 2] || a.bias == Bias::Affine && a.biasprm[1..3] != [0.0; 2];
-    if follows || a.gain == Gain::Muscle || a.bias == Bias::Muscle || a.dynamics == Dynamics::Muscle {
-        let message = "acts on a body, and its force follows length or velocity, which is not supported";
-        element.refuse(message, "give it a fixed gain");
-    }
-    if a.armature != 0.0 || a.damping != [0.0; 3] || a.inheritrange > 0.0 {
-        element.refuse("armature, damping or inheritrange, but it acts on a body", "remove them");
-    }
-    if option.integrator.has_metric() {
-        let what = format!("acts on a body, which integrator {} does not support", option.integrator);
-        element.refuse(what, "set integrator=\"implicitfast\"");
-    }
-    if option.guard {
-        element.refuse("acts on a body, which the guard does not support", "set guard=\"disable\"");
-    }
-}
-
-/// Refuses what a tendon cannot give an actuator.
-fn check_by_tendon(a: &Actuator, tendon: &Tendon, element: &mut Element) {
-    let wraps = match &tendon.path {
-        Path::Fixed(_) => false,
-        Path::Spatial(points) => points.iter().any(|point| matches!(point, Waypoint::Geom { .. })),
-    };
-    let name = quoted(&tendon.name);
-    if a.armature > 0.0 && wraps {
-        element.refuse(format!("armature, but tendon {name} wraps a geom"), "remove the armature");
-    }
-    let finite = tendon.range.is_some_and(|[lo, hi]| lo < hi && lo.is_finite() && hi.is_finite());
-    if a.inheritrange > 0.0 && !finite {
-        element.refuse(format!("inheritrange, but tendon {name} has no range"), "give the tendon a range");
-    }
-}
-
-fn check_actuator(
-    a: &Actuator,
-    (joint, tendon): (Option<&Joint>, Option<&Tendon>),
-    autolimits: bool,
-    element: &mut Element,
-) {
-    if let Some(tendon) = tendon {
-        check_by_tendon(a, tendon, element);
-    }
-    if let Transmission::SliderCrank { rod, .. } = a.transmission
-        && (!rod.is_finite() || rod <= 0.0)
-    {
-        element.refuse(format!("cranklength {rod} is no length of a rod"), "give a positive cranklength");
-    }
-    if !a.transmission.sites().is_empty() {
-        if a.armature != 0.0 || a.damping != [0.0; 3] {
-            let message = "armature and damping, which act on a joint, but it acts on sites";
-            element.refuse(message, "give them to joints");
-        }
-        if a.inheritrange > 0.0 {
-            element.refuse("inheritrange, but sites have no range", "give ctrlrange");
-        }
-    }
-    element.finite("gear", &a.gear);
-    element.finite("gainprm", &a.gainprm);
-    element.finite("biasprm", &a.biasprm);
-    element.finite("dynprm", &a.dynprm);
-    if let Some(range) = a.lengthrange {
-        element.finite("lengthrange", &range);
-    }
-    if a.gain == Gain::Muscle {
-        check_muscle(&a.gainprm, element);
-    } else if a.bias == Bias::Muscle {
-        check_muscle(&a.biasprm, element);
-    }
-    if a.dynamics != Dynamics::None {
-        element.bounds("actrange", "actlimited", a.actrange, a.actlimited, autolimits);
-    } else if is_limited(a.actrange, a.actlimited) {
-        element.refuse("actrange or actlimited, but it has no activation", "remove it");
-    }
-    element.not_negative("dampratio", &[a.dampratio]);
-    element.not_negative("armature", &[a.armature]);
-    element.finite("damping", &a.damping);
-    element.not_negative("damping", &a.damping[..1]);
-    element.finite("inheritrange", &[a.inheritrange]);
-    if a.inheritrange > 0.0 {
-        let (ranged, name) = match a.dynamics {
-            Dynamics::Integrator => (a.actrange, "actrange"),
-            _ => (a.ctrlrange, "ctrlrange"),
-        };
-        if ranged.is_some() {
-            element.refuse(format!("has both {name} and inheritrange"), "keep one of them");
-        }
-        if let Some(joint) = joint {
-            if !matches!(joint.kind, JointKind::Hinge | JointKind::Slide) {
-                element.refuse("inheritrange needs a hinge or slide joint", "give ctrlrange");
-            } else if joint.range.is_none_or(|[lo, hi]| lo == hi) {
-                let message = format!("inheritrange, but joint {} has no range", quoted(&joint.name));
-                element.refuse(message, "give the joint a range");
-            } else if joint.range.is_some_and(|range| range.iter().any(|end| end.is_infinite())) {
-                let message =
-                    format!("inheritrange, but the range of joint {} has an infinite end", quoted(&joint.name));
-                element.refuse(message, "give ctrlrange");
-            }
-        }
-    } else {
-        element.bounds("ctrlrange", "ctrllimited", a.ctrlrange, a.ctrllimited, autolimits);
-    }
-    element.bounds("forcerange", "forcelimited", a.forcerange, a.forcelimited, autolimits);
-}
-
-/// Refuses parameters of which no muscle can be.
-fn check_muscle(prm: &[f64; 10], element: &mut Element) {
-    let [from, to, _, scale, lmin, lmax, vmax, fpmax, fvmax, _] = *prm;
-    if from >= to {
-        element.refuse(format!("a muscle of the range {from} {to}"), "give range as lower upper");
-    }
-    if lmin >= 1.0 || lmax <= 1.0 {
-        element.refuse(format!("a muscle with lmin {lmin} and lmax {lmax}"), "give lmin below 1 and lmax above");
-    }
-    for (name, x) in [("scale", scale), ("vmax", vmax), ("fpmax", fpmax), ("fvmax", fvmax)] {
-        if x <= 0.0 {
-            element.refuse(format!("a muscle with {name} {x}"), format!("give a positive {name}"));
-        }
-    }
-}
-
 fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
     let kinds = || spec.bodies.iter().flat_map(|body| &body.joints).map(|joint| joint.kind);
     let (nq, nv): (usize, usize) = (kinds().map(qpos_count).sum(), kinds().map(dof_count).sum());
     let nmocap = spec.bodies.iter().filter(|b| b.mocap).count();
     // Every keyframe is kept in full, however little of it is written.
     let na = spec.activations();
-    let each = nq + nv + na + spec.actuators.len() + 7 * nmocap;
+    let nplastic = plastic(spec);
+    let each = nq + nv + na + nplastic + spec.controls() + 7 * nmocap;
     let most = MOST_KEY_NUMBERS / each.max(1);
     if let Some(key) = spec.keys.get(most) {
         let message = format!("{} keyframes of {each} numbers each are more than can be kept", spec.keys.len());
@@ -628,16 +375,25 @@ fn check_keys(spec: &Spec, diagnostics: &mut Diagnostics) {
     for (i, key) in spec.keys.iter().enumerate() {
         let label = label("key", &key.name, i);
         let mut element = Element { label, source: &key.source, diagnostics };
-        check_key(key, [nq, nv, na, spec.actuators.len(), nmocap], &mut element);
+        check_key(key, [nq, nv, na, nplastic, spec.controls(), nmocap], &mut element);
     }
 }
 
-fn check_key(key: &Key, [nq, nv, na, nu, nmocap]: [usize; 5], element: &mut Element) {
+/// Numbers of where springs rest that yield.
+fn plastic(spec: &Spec) -> usize {
+    let joints = spec.bodies.iter().flat_map(|body| &body.joints).filter(|joint| joint.springyield > 0.0);
+    let count = |joint: &Joint| if joint.kind == JointKind::Ball { 4 } else { 1 };
+    let tendons = spec.tendons.iter().filter(|tendon| tendon.springyield > 0.0).count();
+    joints.map(count).sum::<usize>() + 2 * tendons
+}
+
+fn check_key(key: &Key, [nq, nv, na, nplastic, nu, nmocap]: [usize; 6], element: &mut Element) {
     element.finite("time", &[key.time]);
     let fields = [
         ("qpos", &key.qpos, nq),
         ("qvel", &key.qvel, nv),
         ("act", &key.act, na),
+        ("plastic", &key.plastic, nplastic),
         ("ctrl", &key.ctrl, nu),
         ("mpos", &key.mpos, 3 * nmocap),
         ("mquat", &key.mquat, 4 * nmocap),

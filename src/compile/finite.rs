@@ -77,7 +77,8 @@ pub(super) fn check(spec: &Spec, scene: &Scene, tables: &Model<f64>, derived: &D
         let equality = &spec.equalities[entry.id as usize];
         at((&equality.source, label("equality", &equality.name, entry.id as usize)), entry.overflow());
     }
-    for (i, (entry, actuator)) in tables.actuators.iter().zip(&spec.actuators).enumerate() {
+    for entry in &tables.actuators {
+        let (i, actuator) = (entry.id as usize, &spec.actuators[entry.id as usize]);
         at((&actuator.source, label("actuator", &actuator.name, i)), entry.overflow());
         for mount in &tables.mounts[entry.mounts.range()] {
             at((&actuator.source, label("actuator", &actuator.name, i)), mount.overflow());

@@ -55,6 +55,8 @@ fn joint(j: &order::Joint, link: u32, scene: &Scene) -> Joint<f64> {
         axis_kind: axis_kind(axis),
         anchored: pos != [0.0; 3],
         spring: spec.stiffness != [0.0; 3],
+        plastic: NONE,
+        springyield: spec.springyield,
         actuator_gravcomp: spec.actuatorgravcomp,
         force_limited,
         pos,

@@ -1,19 +1,26 @@
 //! Keyframes, completed.
 
-use super::joints;
+use lanesim_kernels::model as kernel;
+
+use super::joints::qpos0;
 use super::order::Scene;
 use super::pose::{unit_quat, wxyz};
 use crate::model::Key;
 use crate::spec::{JointKind, Spec};
 
 /// The keyframes with every field filled in and every quaternion of length one. None is longer than the model's.
-pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
+pub(crate) fn keys(
+    spec: &Spec,
+    scene: &Scene,
+    (joints, rest): (&[kernel::Joint<f64>], &[f64]),
+    history: &[f64],
+) -> Vec<Key> {
     let mocap = || scene.bodies.iter().filter(|b| b.mocap.is_some());
     let defaults = Key {
-        qpos: joints::qpos0(scene),
+        qpos: qpos0(scene),
         qvel: vec![0.0; scene.nv],
         act: vec![0.0; spec.activations()],
-        ctrl: vec![0.0; spec.actuators.len()],
+        ctrl: vec![0.0; spec.controls()],
         mpos: mocap().flat_map(|b| b.pose.pos.to_array()).collect(),
         mquat: mocap().flat_map(|b| b.pose.wxyz()).collect(),
         eq_active: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
@@ -36,7 +43,8 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
         let mut ctrl = filled(&key.ctrl, &defaults.ctrl, 1);
         for (name, x) in &key.controls {
             if let Some(actuator) = spec.actuators.iter().position(|actuator| actuator.name == *name) {
-                ctrl[actuator] = *x;
+                let before = spec.actuators[..actuator].iter().map(crate::spec::Actuator::controls).sum::<usize>();
+                copy(&mut ctrl, before, x);
             }
         }
         for joint in &scene.joints {
@@ -48,12 +56,18 @@ pub(crate) fn keys(spec: &Spec, scene: &Scene) -> Vec<Key> {
         }
         let mut mquat = filled(&key.mquat, &defaults.mquat, 4);
         mquat.chunks_exact_mut(4).for_each(normalise);
+        let mut plastic = filled(&key.plastic, rest, 1);
+        for ball in joints.iter().filter(|joint| joint.kind == kernel::JointKind::Ball) {
+            plastic.get_mut(ball.plastic as usize..).and_then(|own| own.get_mut(..4)).into_iter().for_each(normalise);
+        }
         Key {
             name: key.name.clone(),
             time: key.time,
             qpos,
             qvel,
             act: filled(&key.act, &defaults.act, 1),
+            history: history.to_vec(),
+            plastic,
             ctrl,
             mpos: filled(&key.mpos, &defaults.mpos, 3),
             mquat,

@@ -44,7 +44,9 @@ pub(super) fn ranges(spec: &Spec, tables: &Model<f64>, diagnostics: &mut Diagnos
     }
     match super::compile(&bare(spec)) {
         Ok(model) => {
-            let ends = pull_all(model.tables(), options, &pulled);
+            let row = |a: &usize| spec.actuators[..*a].iter().map(spec::Actuator::outputs).sum();
+            let rows: Vec<usize> = pulled.iter().map(row).collect();
+            let ends = pull_all(model.tables(), options, &rows);
             for (a, sides) in pulled.into_iter().zip(ends.chunks_exact(2)) {
                 out[a] = judge(spec, options, a, [sides[0], sides[1]], diagnostics);
             }
@@ -58,7 +60,7 @@ fn needed(options: &LengthRange, actuator: &spec::Actuator) -> bool {
     match options.mode {
         LengthRangeMode::None => false,
         LengthRangeMode::Muscle => actuator.gain == Gain::Muscle || actuator.bias == Bias::Muscle,
-        LengthRangeMode::All => true,
+        LengthRangeMode::All => actuator.gain != Gain::So3,
     }
 }
 
@@ -123,10 +125,8 @@ impl ConvexCollider for Apart {
 
 fn pull(tables: &Model<f64>, options: &LengthRange, pulls: &[(usize, f64)]) -> Vec<End> {
     let (h, sizes) = (tables.options.timestep, &tables.sizes);
-    let (mut ws, mut state) = (Workspace::<L>::new(tables), State::<L>::new(sizes));
+    let (mut ws, mut state) = (Workspace::<L>::new(tables), State::<L>::initial(tables));
     let mut applied = Applied::<L>::new(sizes);
-    state.qpos.iter_mut().zip(&tables.qpos0).for_each(|(q, own)| *q = L::splat(*own));
-    state.eq_active.iter_mut().zip(&tables.eq_active0).for_each(|(x, own)| *x = L::splat(*own));
     let mut status = BlockStatus { alive: (1 << pulls.len()) - 1, ..BlockStatus::default() };
     let fading = L::of((-h / options.timeconst.max(0.01)).exp());
     // As MuJoCo counts it, rounding included.

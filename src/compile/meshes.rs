@@ -141,10 +141,15 @@ impl Solid {
         } else {
             mesh::bulk(&own, mesh.inertia)?
         };
-        let (moments, quat) = principal(bulk.inertia, AXES);
-        let frame = Pose { pos: bulk.centre, quat };
-        let inward = DMat3::from_quat(quat).transpose();
-        let centred = |p: &DVec3| inward * (*p - bulk.centre);
+        let (moments, frame) = if mesh.centered {
+            let i = bulk.inertia;
+            (DVec3::new(i.x_axis.x, i.y_axis.y, i.z_axis.z), Pose::IDENTITY)
+        } else {
+            let (moments, quat) = principal(bulk.inertia, AXES);
+            (moments, Pose { pos: bulk.centre, quat })
+        };
+        let inward = DMat3::from_quat(frame.quat).transpose();
+        let centred = |p: &DVec3| inward * (*p - frame.pos);
         let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let bounds = own.vertices.iter().map(centred).fold(start, |[low, high], p| [low.min(p), high.max(p)]);
         let round = |p: &DVec3| centred(p).as_vec3().as_dvec3();

@@ -10,9 +10,12 @@ mod bounds;
 mod check;
 mod constraints;
 mod derived;
+mod drives;
+mod element;
 mod equality;
 mod finite;
 mod heavy;
+mod histories;
 mod inertia;
 mod joints;
 mod keys;
@@ -45,6 +48,7 @@ use crate::spec::{Source, Spec};
 use actuators::Actuators;
 use constraints::InverseWeights;
 use heavy::Heavy;
+use histories::Histories;
 use links::Links;
 use order::Scene;
 pub(crate) use pairs::MINMU;
@@ -140,18 +144,24 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         links: &links,
         names: &names,
         limits: &limits,
+        rows: &actuators.rows,
         mounts: &actuators.mounts,
         meshes: &meshes,
         nhull: pairs.hulls.len(),
         nheight: pairs.heights.len(),
     };
     let sensors = Sensors::new(&sensors, &mut diagnostics);
+    let histories = Histories::new(spec, &actuators.told, &sensors.table, &mut diagnostics);
     diagnostics.into_result()?;
 
-    let keys = keys::keys(spec, &scene);
+    let plastic0 = plastic(&mut joints, &mut tendons.table);
+    let keys = keys::keys(spec, &scene, (&joints, &plastic0), &histories.numbers);
     let gravity = if spec.option.flags.gravity { spec.option.gravity } else { [0.0; 3] };
     let tables = kernel::Model {
-        sizes: sizes((&scene, &links), &tendons, &actuators, &pairs, &equalities, &sensors, nm),
+        sizes: Sizes {
+            nplastic: plastic0.len(),
+            ..histories.counted(sizes((&scene, &links), &tendons, &actuators, &pairs, &equalities, &sensors, nm))
+        },
         options: spec.option.clone().limited(),
         features: features(&spec.option, &links, &joints, &dofs, &tendons.table, &actuators),
         joints,
@@ -175,7 +185,15 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         eq_active0: spec.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
         fluids: fluids(&spec.option, |options| links.fluids(&scene, options)),
         ellipsoids: fluids(&spec.option, |options| links.ellipsoids(&scene, options)),
+        plastic0,
+        ctrl_rings: histories.controls,
+        sensor_rings: histories.sensors,
+        history0: histories.numbers,
         actuators: actuators.table.clone(),
+        controls: actuators.controls.clone(),
+        controllers: actuators.controllers.clone(),
+        motors: actuators.motors.clone(),
+        servos: actuators.servos.clone(),
         mounts: sensors.mounts,
         moment_dofs: actuators.moment_dofs.clone(),
         muscles: Vec::new(),
@@ -238,7 +256,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         keys: &keys,
     });
     notes.extend(sleep::sleep(spec, &scene, &arrays, &mut tables));
-    let nsensordata = tables.sizes.nsensordata;
+    let counts = report::counts(spec, &scene, &links, &tables.sizes);
     Ok(Model::new(Parts {
         name: spec.name.clone(),
         tables,
@@ -246,7 +264,7 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         placements: links.placements(&scene),
         keys,
         arrays,
-        counts: report::counts(spec, &scene, &links, nsensordata),
+        counts,
         report: Report { notes, losses: spec.losses.clone() },
         basis: Basis {
             still: links.still(&scene),
@@ -343,7 +361,10 @@ fn sizes(
     Sizes {
         nq: scene.nq,
         nv: scene.nv,
-        nu: actuators.table.len(),
+        nu: actuators.controls.len(),
+        nout: actuators.table.len(),
+        nmotor: actuators.motors.len(),
+        nservo: actuators.servos.len(),
         nmoment: actuators.moment_dofs.len(),
         na: actuators.na,
         nbody: scene.bodies.len(),
@@ -370,9 +391,28 @@ fn sizes(
         nsleep: 0,
         nguard: 0,
         nlow: 0,
+        nhistory: 0,
+        nplastic: 0,
+        ndelayed: 0,
+        nmeasured: 0,
         ntendon: tendons.table.len(),
         ntj: tendons.dofs.len(),
     }
+}
+
+/// Gives springs that yield their place in the state, where they rest at first.
+fn plastic(joints: &mut [kernel::Joint<f64>], tendons: &mut [kernel::Tendon<f64>]) -> Vec<f64> {
+    let mut rest = Vec::new();
+    for joint in joints.iter_mut().filter(|joint| joint.springyield > 0.0) {
+        joint.plastic = rest.len() as u32;
+        let count = if joint.kind == kernel::JointKind::Ball { 4 } else { 1 };
+        rest.extend_from_slice(&joint.qpos_spring[..count]);
+    }
+    for tendon in tendons.iter_mut().filter(|tendon| tendon.springyield > 0.0) {
+        tendon.plastic = rest.len() as u32;
+        rest.extend_from_slice(&tendon.rest);
+    }
+    rest
 }
 
 /// The geoms whose surfaces move.

@@ -1,5 +1,7 @@
 //! What the compiler tells the user about a model that it accepts.
 
+use lanesim_kernels::model::Sizes;
+
 use super::constraints::raised;
 use super::links::Links;
 use super::names::{List, label};
@@ -87,12 +89,16 @@ fn empty_ranges(spec: &Spec, scene: &Scene) -> List {
 }
 
 /// MuJoCo's counts of elements.
-pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links, nsensordata: usize) -> Vec<(&'static str, usize)> {
+pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links, sizes: &Sizes) -> Vec<(&'static str, usize)> {
     vec![
         ("nq", scene.nq),
         ("nv", scene.nv),
-        ("nu", spec.actuators.len()),
+        ("nu", spec.controls()),
+        ("nactuator", spec.actuators.len()),
+        ("nout", sizes.nout),
         ("na", spec.activations()),
+        ("nhistory", sizes.nhistory),
+        ("nplastic", sizes.nplastic),
         ("nbody", scene.bodies.len()),
         ("njnt", scene.joints.len()),
         ("ngeom", scene.geoms.len()),
@@ -101,7 +107,7 @@ pub(crate) fn counts(spec: &Spec, scene: &Scene, links: &Links, nsensordata: usi
         ("ntendon", spec.tendons.len()),
         ("neq", spec.equalities.len()),
         ("nsensor", spec.sensors.len()),
-        ("nsensordata", nsensordata),
+        ("nsensordata", sizes.nsensordata),
         ("nmocap", scene.nmocap),
         ("nkey", spec.keys.len()),
         ("nexclude", spec.excludes.len()),

@@ -9,7 +9,8 @@ use lanesim_kernels::model::{
     Target,
 };
 
-use super::check::Element;
+use super::element::Element;
+use super::histories;
 use super::links::Links;
 use super::meshes::{Hulls, Meshes, Surfaces};
 use super::names::label;
@@ -83,7 +84,9 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
                 element.refuse(format!("{attribute} is negative: {x}"), "give 0 or more");
             }
         }
+        histories::check(&sensor.history, &mut element);
         let (width, data, _) = sensor.shape();
+        let width = width * forces(spec, sensor);
         let seen = camera(sensor, &cameras);
         let rays = seen.filter(|_| sensor.kind == SensorKind::Rangefinder).map_or(1, pixels);
         let count = width.saturating_mul(rays);
@@ -170,6 +173,14 @@ fn check_objects(sensor: &spec::Sensor, element: &mut Element) {
             element.refuse(format!("its {what} is missing or of a kind that it does not measure"), remedy);
         }
     }
+}
+
+/// Numbers of forces of the actuator that a sensor is about; 1 of another sensor.
+fn forces(spec: &Spec, sensor: &spec::Sensor) -> usize {
+    let measures = matches!(sensor.kind, SensorKind::ActuatorPos | SensorKind::ActuatorVel | SensorKind::ActuatorFrc);
+    let name = sensor.object.as_ref().filter(|_| measures).map(|object| &object.name);
+    let of = |name: &String| spec.actuators.iter().find(|actuator| actuator.name == *name);
+    name.and_then(of).map_or(1, spec::Actuator::outputs)
 }
 
 /// The cameras that have names.
@@ -290,6 +301,8 @@ pub(crate) struct Sources<'a> {
     pub links: &'a Links,
     pub names: &'a ElementNames,
     pub limits: &'a [Limit<f64>],
+    /// Forces of each actuator.
+    pub rows: &'a [Span],
     /// Frames on which actuators act.
     pub mounts: &'a [Mount<f64>],
     pub meshes: &'a Meshes,
@@ -329,6 +342,7 @@ impl Sensors {
     fn add(&mut self, s: &Sources, sensor: &spec::Sensor, camera: Option<&spec::Camera>) {
         use SensorKind as Kind;
         let (width, data, _) = sensor.shape();
+        let width = width * forces(s.spec, sensor);
         let ids =
             [&sensor.object, &sensor.reference].map(|object| object.as_ref().map(|object| (object, id(s, object))));
         self.objects.push(ids.map(|of| of.map_or((0, -1), |(object, id)| (object.kind.number(), id as i32))));
@@ -379,7 +393,7 @@ impl Sensors {
                     entry.id = limit(s, |limit| limit.tendon as usize == id);
                 }
                 Kind::TendonPos | Kind::TendonVel | Kind::TendonActuatorFrc => entry.id = id as u32,
-                Kind::ActuatorPos | Kind::ActuatorVel | Kind::ActuatorFrc => entry.id = id as u32,
+                Kind::ActuatorPos | Kind::ActuatorVel | Kind::ActuatorFrc => entry.id = s.rows[id].start,
                 Kind::SubtreeCom | Kind::SubtreeLinVel | Kind::SubtreeAngMom => entry.bodies = subtree(s.scene, id),
                 Kind::User | Kind::GeomDist | Kind::GeomNormal | Kind::GeomFromTo => {}
                 Kind::Contact if object.kind != ObjectKind::Site => {}

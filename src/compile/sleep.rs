@@ -168,13 +168,7 @@ fn lengths(arrays: &BTreeMap<&'static str, Array>, tables: &kernel::Model<f64>) 
 
 /// For how long trees have rested at first, some of which start asleep unless they touch one that does not.
 fn asleep(tables: &kernel::Model<f64>, initially: &[bool]) -> Vec<f64> {
-    let (mut ws, mut state) = (Workspace::<f64>::new(tables), State::<f64>::new(&tables.sizes));
-    state.qpos.copy_from_slice(&tables.qpos0);
-    state.eq_active.copy_from_slice(&tables.eq_active0);
-    let mocap = tables.links.iter().filter(|link| link.mocap != NONE);
-    for (link, (pos, quat)) in mocap.zip(state.mocap_pos.iter_mut().zip(&mut state.mocap_quat)) {
-        (*pos, *quat) = (link.pos, link.quat);
-    }
+    let (mut ws, mut state) = (Workspace::<f64>::new(tables), State::<f64>::initial(tables));
     let mut status = BlockStatus { alive: 1, ..BlockStatus::default() };
     let mut run = Run {
         applied: None,

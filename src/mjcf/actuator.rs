@@ -3,9 +3,10 @@
 //! A class holds one actuator record, whatever tag wrote it. Mechanical attributes (ranges, gear, ...) inherit from that
 //! record; the parameters of a shortcut (kp, kv, ...) only from a record that the same shortcut or `general` wrote.
 
+use super::history::history;
 use super::reader::Reader;
 use super::report::quoted;
-use crate::spec::{Actuator, Bias, Dynamics, Gain, Transmission, Tri, is_limited};
+use crate::spec::{Actuator, Bias, Dynamics, Gain, Input, Transmission, Tri, is_limited};
 use crate::suggest::or_list;
 
 /// The tag of an actuator.
@@ -20,13 +21,16 @@ pub(super) enum Tag {
     Cylinder,
     Muscle,
     Adhesion,
+    Pid,
+    DcMotor,
+    Orientation,
     /// A kind that is not supported.
     Other,
 }
 
 impl Tag {
     /// How many there are.
-    pub const COUNT: usize = 10;
+    pub const COUNT: usize = 13;
 
     /// The kind of a tag of the actuator section or of a default; `None` if it is not an actuator.
     pub fn of(tag: &str) -> Option<Tag> {
@@ -40,7 +44,10 @@ impl Tag {
             "cylinder" => Tag::Cylinder,
             "muscle" => Tag::Muscle,
             "adhesion" => Tag::Adhesion,
-            "dcmotor" | "pid" | "orientation" | "plugin" => Tag::Other,
+            "pid" => Tag::Pid,
+            "dcmotor" => Tag::DcMotor,
+            "orientation" => Tag::Orientation,
+            "plugin" => Tag::Other,
             _ => return None,
         })
     }
@@ -53,6 +60,9 @@ enum Law {
     Fixed,
     Affine,
     Muscle,
+    Pid,
+    DcMotor,
+    So3,
     /// Its name.
     Other(&'static str),
 }
@@ -69,14 +79,17 @@ const GAINS: &[(&str, Law)] = &[
     ("fixed", Law::Fixed),
     ("affine", Law::Affine),
     ("muscle", Law::Muscle),
-    ("dcmotor", Law::Other("dcmotor")),
+    ("dcmotor", Law::DcMotor),
+    ("pid", Law::Pid),
+    ("so3", Law::So3),
     ("user", Law::Other("user")),
 ];
 const BIASES: &[(&str, Law)] = &[
     ("none", Law::Zero),
     ("affine", Law::Affine),
     ("muscle", Law::Muscle),
-    ("dcmotor", Law::Other("dcmotor")),
+    ("dcmotor", Law::DcMotor),
+    ("so3", Law::So3),
     ("user", Law::Other("user")),
 ];
 const DYNAMICS: &[(&str, Motion)] = &[
@@ -85,7 +98,8 @@ const DYNAMICS: &[(&str, Motion)] = &[
     ("filter", Motion::Of(Dynamics::Filter)),
     ("filterexact", Motion::Of(Dynamics::FilterExact)),
     ("muscle", Motion::Of(Dynamics::Muscle)),
-    ("dcmotor", Motion::Other("dcmotor")),
+    ("dcmotor", Motion::Of(Dynamics::DcMotor)),
+    ("pid", Motion::Of(Dynamics::Pid)),
     ("user", Motion::Other("user")),
 ];
 /// Gain of a muscle: MuJoCo's defaults.
@@ -106,11 +120,12 @@ pub(super) struct RawActuator {
     dynamics: Motion,
     dynprm: [f64; 10],
     inheritrange: f64,
-    delay: f64,
     /// Length of a crank's rod.
     cranklength: f64,
     /// What it has that is not supported.
     newer: Option<String>,
+    /// What it says its controls are, if anything.
+    named: Option<String>,
     actdim: i32,
 }
 
@@ -125,9 +140,9 @@ impl Default for RawActuator {
             dynamics: Motion::Of(Dynamics::None),
             dynprm: common.dynprm,
             inheritrange: 0.0,
-            delay: 0.0,
             cranklength: 0.0,
             newer: None,
+            named: None,
             actdim: -1,
             common,
         }
@@ -148,6 +163,9 @@ impl RawActuator {
             Tag::Cylinder => self.read_cylinder(donor, reader),
             Tag::Muscle => self.read_muscle(donor, reader),
             Tag::Adhesion => self.read_adhesion(donor, reader),
+            Tag::Pid => self.read_pid(donor, reader),
+            Tag::DcMotor => self.read_dcmotor(donor, reader),
+            Tag::Orientation => self.read_orientation(donor, reader),
             Tag::Other => self.newer = Some(format!("actuators of kind {} are", reader.element.tag)),
         }
     }
@@ -168,7 +186,7 @@ impl RawActuator {
         reader.leading("damping", &mut a.damping);
         reader.real("armature", &mut a.armature);
         reader.integer("group", &mut a.group);
-        reader.real("delay", &mut self.delay);
+        history(reader, &mut a.history);
         reader.real("cranklength", &mut self.cranklength);
         reader.range("lengthrange", &mut a.lengthrange);
     }
@@ -184,29 +202,118 @@ impl RawActuator {
         reader.boolean("actearly", &mut self.common.actearly);
         reader.integer("actdim", &mut self.actdim);
         self.read_inheritrange(reader);
-        for name in ["ffrange", "velrange"].into_iter().filter(|name| reader.has_value(name)) {
-            self.newer = Some(format!("attribute \"{name}\": an actuator with several inputs is"));
-        }
+        reader.range("velrange", &mut self.common.velrange);
+        reader.range("ffrange", &mut self.common.ffrange);
         self.read_input(reader);
     }
 
-    /// What the control is compared with says nothing about the force: the bias does. Only several inputs would matter.
+    /// What the controls are. Of an actuator with one it says nothing about the force: the bias does.
     fn read_input(&mut self, reader: &mut Reader) {
-        const INPUTS: [&str; 3] = ["pos", "vel", "pressure"];
-        const OTHERS: [&str; 2] = ["ff", "none"];
-        let Some(text) = reader.element.get("input") else { return };
+        const WORDS: [&str; 8] = ["pos", "vel", "ff", "voltage", "pressure", "expmap", "quat", "none"];
+        let Some(text) = reader.element.get("input").filter(|text| !text.trim().is_empty()) else { return };
         let words: Vec<&str> = text.split_ascii_whitespace().collect();
-        if let Some(word) = words.iter().find(|word| !INPUTS.contains(word) && !OTHERS.contains(word)) {
-            let remedy = or_list(word, INPUTS);
+        let places: Vec<Option<usize>> =
+            words.iter().map(|word| WORDS.iter().position(|known| known == word)).collect();
+        if let Some(unknown) = places.iter().position(Option::is_none) {
+            let remedy = or_list(words[unknown], WORDS);
+            let message = format!("attribute \"input\": {} is unknown", quoted(words[unknown]));
+            return reader.report.error(reader.element, message, remedy);
+        }
+        if !places.is_sorted_by(|a, b| a < b) || words.len() > 1 && words.contains(&"none") {
+            let message = format!("attribute \"input\": {} are not once each and in order", quoted(text));
             return reader.report.error(
                 reader.element,
-                format!("attribute \"input\": {} is unknown", quoted(word)),
-                remedy,
+                message,
+                "give any of pos, vel, ff, voltage, in this order, or none",
             );
         }
-        if words.len() > 1 || words.iter().any(|word| OTHERS.contains(word)) {
-            self.newer = Some(format!("attribute \"input\": an actuator with the inputs {} is", quoted(text)));
+        let known = |word: &&str| Input::ALL.iter().find(|(known, _)| known == word).map(|(_, input)| *input);
+        self.common.inputs = words.iter().filter_map(known).collect();
+        self.named = Some(text.to_string());
+    }
+
+    /// Takes over what a class says the controls are.
+    fn adopt_input(&mut self, donor: Option<&RawActuator>) {
+        self.named = donor.and_then(|donor| donor.named.clone());
+        self.common.inputs = donor.map_or(Vec::new(), |donor| donor.common.inputs.clone());
+    }
+
+    /// What a controller's gains follow: those of a class that the same shortcut or `general` wrote.
+    fn read_pid(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        self.adopt_input(donor);
+        let (mut prm, mut windup, mut slew) = ([1.0, 0.0, 0.0], 0.0, 0.0);
+        if let Some(donor) = donor {
+            prm = [-donor.biasprm[1], donor.biasprm[2], donor.gainprm[0]];
+            [windup, slew] = [donor.dynprm[0], donor.dynprm[1]];
+            self.inheritrange = donor.inheritrange;
         }
+        let [mut kp, mut damping, mut ki] = prm;
+        reader.real("kp", &mut kp);
+        read_damping(&mut damping, reader);
+        reader.real("ki", &mut ki);
+        reader.real("imax", &mut windup);
+        reader.real("slewmax", &mut slew);
+        for (name, x) in [("ki", ki), ("imax", windup), ("slewmax", slew)] {
+            if x < 0.0 {
+                reader.report.error(reader.element, format!("{name} must not be negative"), "give 0 for none");
+            }
+        }
+        reader.range("posrange", &mut self.common.ctrlrange);
+        reader.range("velrange", &mut self.common.velrange);
+        reader.range("ffrange", &mut self.common.ffrange);
+        self.read_inheritrange(reader);
+        self.read_input(reader);
+        self.set(Law::Pid, &[ki], Law::Affine, &[0.0, -kp, damping]);
+        if ki != 0.0 || slew > 0.0 {
+            self.dynamics = Motion::Of(Dynamics::Pid);
+        }
+        self.dynprm = [0.0; 10];
+        [self.dynprm[0], self.dynprm[1]] = [windup, slew];
+    }
+
+    fn read_orientation(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        self.adopt_input(donor);
+        let (mut kp, mut damping) = donor.map_or((1.0, 0.0), |donor| (donor.gainprm[0], donor.biasprm[2]));
+        reader.real("kp", &mut kp);
+        read_damping(&mut damping, reader);
+        self.read_input(reader);
+        self.set(Law::So3, &[kp], Law::So3, &[0.0, -kp, damping]);
+    }
+
+    /// A motor's numbers: those of a class that the same shortcut or `general` wrote, and what is given. As in MuJoCo, the nominal point tells
+    /// what neither the constants nor the resistance do.
+    fn read_dcmotor(&mut self, donor: Option<&RawActuator>, reader: &mut Reader) {
+        self.adopt_input(donor);
+        let (mut gain, mut bias, mut dynamics) =
+            donor.map_or(([0.0; 10], [0.0; 10], [0.0; 10]), |donor| (donor.gainprm, donor.biasprm, donor.dynprm));
+        self.read_input(reader);
+        motor_constants(&mut gain, reader);
+        let [resistance, constant] = [gain[0], gain[1]];
+        let mut inductance = [0.0; 2];
+        if leading(reader, "inductance", &mut inductance) {
+            dynamics[0] = if inductance[0] > 0.0 { inductance[0] / resistance } else { inductance[1] };
+        }
+        let mut limits = [0.0; 3];
+        if leading(reader, "saturation", &mut limits) {
+            let torque = if limits[0] > 0.0 { limits[0] } else { constant * limits[1] };
+            self.common.forcerange = (torque > 0.0).then_some([-torque, torque]);
+            dynamics[1] = limits[2];
+        }
+        let mut thermal = [0.0; 6];
+        if leading(reader, "thermal", &mut thermal) {
+            motor_warmth(thermal, &mut gain, &mut dynamics, reader);
+        }
+        reader.leading("cogging", &mut bias[..3]);
+        let mut friction = [0.0; 5];
+        if leading(reader, "lugre", &mut friction) {
+            dynamics[5..7].copy_from_slice(&friction[..2]);
+            bias[3..6].copy_from_slice(&friction[2..]);
+        }
+        let mut controller = [gain[4], gain[5], gain[6], dynamics[7], dynamics[8], gain[7]];
+        reader.leading("controller", &mut controller);
+        [gain[4], gain[5], gain[6], dynamics[7], dynamics[8], gain[7]] = controller;
+        self.set(Law::DcMotor, &gain, Law::DcMotor, &bias);
+        (self.dynamics, self.dynprm) = (Motion::Of(Dynamics::DcMotor), dynamics);
     }
 
     fn read_actrange(&mut self, reader: &mut Reader) {
@@ -255,18 +362,7 @@ impl RawActuator {
         let (mut kp, mut damping) = (donor.gainprm[0], donor.biasprm[2]);
         self.inheritrange = donor.inheritrange;
         reader.real("kp", &mut kp);
-        let (mut kv, mut ratio) = (0.0, 0.0);
-        let (has_kv, has_ratio) = (reader.real("kv", &mut kv), reader.real("dampratio", &mut ratio));
-        if has_kv && has_ratio {
-            reader.report.error(reader.element, "both kv and dampratio are given", "keep one");
-        }
-        if ratio < 0.0 || kv < 0.0 {
-            reader.report.error(reader.element, "kv and dampratio must not be negative", "");
-        } else if has_kv {
-            damping = -kv;
-        } else if has_ratio {
-            damping = ratio;
-        }
+        read_damping(&mut damping, reader);
         self.read_inheritrange(reader);
         self.set(Law::Fixed, &[kp], Law::Affine, &[0.0, -kp, damping]);
     }
@@ -358,6 +454,12 @@ impl RawActuator {
     /// Sets the laws of a shortcut, which has no activation unless it says so.
     fn set(&mut self, gain: Law, gainprm: &[f64], bias: Law, biasprm: &[f64]) {
         (self.gain, self.bias) = (gain, bias);
+        if gain != Law::Pid {
+            (self.common.velrange, self.common.ffrange) = (None, None);
+        }
+        if !matches!(gain, Law::Pid | Law::DcMotor | Law::So3) {
+            self.adopt_input(None);
+        }
         self.gainprm = [0.0; 10];
         self.gainprm[..gainprm.len()].copy_from_slice(gainprm);
         self.biasprm = [0.0; 10];
@@ -380,8 +482,7 @@ impl RawActuator {
                 Motion::Of(_) => None,
             })
             .or_else(|| law("gaintype", self.gain))
-            .or_else(|| law("biastype", self.bias))
-            .or_else(|| (self.delay != 0.0).then(|| "attribute \"delay\": a delay is".to_string()))?;
+            .or_else(|| law("biastype", self.bias))?;
         Some(what)
     }
 
@@ -397,17 +498,26 @@ impl RawActuator {
             let message = "attribute \"actrange\" or \"actlimited\": the actuator has no activation";
             reader.report.error(reader.element, message, "remove it");
         }
-        let dim = self.actdim;
-        if dim >= 0 && dim != i32::from(stateful) {
-            let has = if stateful { "one activation" } else { "no activation" };
-            let message = format!("attribute \"actdim\": {dim}, but the actuator has {has}");
-            reader.report.error(reader.element, message, "remove it");
-        }
         if matches!(tag, Tag::Damper | Tag::Adhesion) && self.common.ctrlrange.is_none() {
             let what = if tag == Tag::Damper { "a damper" } else { "adhesion" };
             reader.report.error(reader.element, format!("{what} needs a ctrlrange"), "");
         }
-        Some(self.resolve(transmission, reader))
+        if let Some(text) = self.named.as_ref().filter(|_| !matches!(self.gain, Law::Pid | Law::DcMotor)) {
+            let known: &[&str] = if self.gain == Law::So3 { &["expmap", "quat"] } else { &["pos", "vel", "pressure"] };
+            if !known.contains(&text.trim()) {
+                let message = format!("attribute \"input\": {} is none that the actuator has", quoted(text));
+                reader.report.error(reader.element, message, or_list(text.trim(), known.iter().copied()));
+            }
+        }
+        let (dim, actuator) = (self.actdim, self.resolve(transmission, reader));
+        let has = actuator.activations();
+        if dim >= 0 && usize::try_from(dim) != Ok(has) {
+            let has =
+                ["no activation", "one activation"].get(has).map_or(format!("{has} activations"), |has| (*has).into());
+            let message = format!("attribute \"actdim\": {dim}, but the actuator has {has}");
+            reader.report.error(reader.element, message, "remove it");
+        }
+        Some(actuator)
     }
 
     /// What it acts on; `None` if that cannot be told, which is reported.
@@ -455,11 +565,16 @@ impl RawActuator {
         let gain = match self.gain {
             Law::Affine => Gain::Affine,
             Law::Muscle => Gain::Muscle,
+            Law::Pid => Gain::Pid,
+            Law::DcMotor => Gain::DcMotor,
+            Law::So3 => Gain::So3,
             _ => Gain::Fixed,
         };
         let bias = match self.bias {
             Law::Affine => Bias::Affine,
             Law::Muscle => Bias::Muscle,
+            Law::DcMotor => Bias::DcMotor,
+            Law::So3 => Bias::So3,
             _ => Bias::None,
         };
         let dynamics = match self.dynamics {
@@ -479,15 +594,84 @@ impl RawActuator {
             source: reader.element.source.clone(),
             ..self.common
         };
+        actuator.quaternion = self.named.as_ref().is_some_and(|text| text.trim() == "quat");
+        if self.named.is_none() && actuator.inputs.is_empty() {
+            match gain {
+                Gain::Pid => actuator.inputs = vec![Input::Pos, Input::Vel],
+                Gain::DcMotor => actuator.inputs = vec![Input::Voltage],
+                _ => {}
+            }
+        }
         // A damping ratio and an inherited range mean something for servos only, however they were written.
-        let servo = bias == Bias::Affine && actuator.gainprm[0] == -actuator.biasprm[1];
+        let opposed = gain == Gain::Pid || actuator.gainprm[0] == -actuator.biasprm[1];
+        let servo = matches!(bias, Bias::Affine | Bias::So3) && opposed;
         let ranged = if dynamics == Dynamics::Integrator { actuator.actrange } else { actuator.ctrlrange };
         if servo && ranged.is_none() {
             actuator.inheritrange = self.inheritrange;
         }
-        if servo && gain == Gain::Fixed && actuator.biasprm[2] > 0.0 {
+        if servo && matches!(gain, Gain::Fixed | Gain::Pid | Gain::So3) && actuator.biasprm[2] > 0.0 {
             actuator.dampratio = std::mem::take(&mut actuator.biasprm[2]);
         }
         actuator
     }
+}
+
+/// Reads `kv` or `dampratio` into the second number of a servo's bias.
+fn read_damping(damping: &mut f64, reader: &mut Reader) {
+    let (mut kv, mut ratio) = (0.0, 0.0);
+    let (has_kv, has_ratio) = (reader.real("kv", &mut kv), reader.real("dampratio", &mut ratio));
+    if has_kv && has_ratio {
+        reader.report.error(reader.element, "both kv and dampratio are given", "keep one");
+    }
+    if ratio < 0.0 || kv < 0.0 {
+        reader.report.error(reader.element, "kv and dampratio must not be negative", "");
+    } else if has_kv {
+        *damping = -kv;
+    } else if has_ratio {
+        *damping = ratio;
+    }
+}
+
+/// Reads numbers, of which the last may be missing; says whether any were given.
+fn leading(reader: &mut Reader, name: &str, target: &mut [f64]) -> bool {
+    reader.leading(name, target);
+    reader.has_value(name)
+}
+
+/// Reads a motor's resistance and constant.
+fn motor_constants(gain: &mut [f64; 10], reader: &mut Reader) {
+    let (mut constants, mut nominal) = ([0.0; 2], [0.0; 3]);
+    let given = leading(reader, "motorconst", &mut constants);
+    let pointed = leading(reader, "nominal", &mut nominal);
+    let [voltage, stall, free] = nominal;
+    if !given && !pointed {
+        constants[0] = gain[1];
+    }
+    if constants[1] == 0.0 && voltage > 0.0 && free > 0.0 {
+        constants[1] = voltage / free;
+    }
+    let [torque, back] = constants;
+    gain[1] = if torque > 0.0 && back > 0.0 { (torque * back).sqrt() } else { torque.max(back) };
+    if !reader.real("resistance", &mut gain[0]) && pointed && stall > 0.0 {
+        gain[0] = gain[1] * voltage / stall;
+    }
+    if torque < 0.0 || back < 0.0 || nominal.iter().any(|x| *x < 0.0) {
+        reader.report.error(reader.element, "motorconst and nominal must not be negative", "");
+    }
+}
+
+/// What a motor's `thermal` says: of resistance, capacity and time constant any two.
+fn motor_warmth(thermal: [f64; 6], gain: &mut [f64; 10], dynamics: &mut [f64; 10], reader: &mut Reader) {
+    let [mut loss, mut capacity, time, warming, told_at, air] = thermal;
+    if loss > 0.0 && time > 0.0 {
+        capacity = time / loss;
+    } else if loss == 0.0 && capacity > 0.0 {
+        loss = time / capacity;
+    }
+    if loss < 0.0 || capacity < 0.0 || (loss > 0.0) != (capacity > 0.0) {
+        let message = "attribute \"thermal\": of resistance, capacitance and time constant, two must be positive";
+        reader.report.error(reader.element, message, "give any two of the first three numbers, or 0 for none");
+    }
+    dynamics[2..5].copy_from_slice(&[loss, capacity, air]);
+    gain[2..4].copy_from_slice(&[warming, told_at]);
 }

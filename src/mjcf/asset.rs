@@ -51,6 +51,7 @@ impl RawMesh {
         (self.file, self.content_type) = (reader.text("file"), reader.text("content_type"));
         reader.list("refpos", &mut self.mesh.refpos);
         reader.list("refquat", &mut self.mesh.refquat);
+        reader.boolean("centered", &mut self.mesh.centered);
         let mut name = reader.text("name");
         if name.is_empty() {
             let last = self.file.rsplit(['/', '\\']).next().unwrap_or_default();

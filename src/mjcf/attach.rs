@@ -398,14 +398,17 @@ fn with_key_parts(mut spec: Spec, whole: Option<&Spec>) -> Spec {
                 let part = KeyPart { body, qpos: slice(&key.qpos, q, nq), qvel: slice(&key.qvel, v, nv) };
                 (!joints.is_empty()).then_some(part)
             };
-            let control = |(actuator, x): (&Actuator, &f64)| {
-                named.contains(actuator.name.as_str()).then(|| (actuator.name.clone(), *x))
+            let mut given = key.ctrl.iter().flatten().copied();
+            let control = |actuator: &Actuator| {
+                let own: Vec<f64> = given.by_ref().take(actuator.controls()).collect();
+                let here = !own.is_empty() && named.contains(actuator.name.as_str());
+                here.then(|| (actuator.name.clone(), own))
             };
             Key {
                 name: key.name.clone(),
                 time: key.time,
                 parts: own.iter().skip(1).enumerate().filter_map(part).collect(),
-                controls: source.actuators.iter().zip(key.ctrl.iter().flatten()).filter_map(control).collect(),
+                controls: source.actuators.iter().filter_map(control).collect(),
                 source: key.source.clone(),
                 ..Key::default()
             }

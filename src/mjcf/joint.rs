@@ -17,6 +17,7 @@ pub(super) fn read(reader: &mut Reader, joint: &mut Joint) {
     reader.real("margin", &mut joint.margin);
     reader.real("ref", &mut joint.reference);
     reader.real("springref", &mut joint.springref);
+    reader.real("springyield", &mut joint.springyield);
     reader.leading("stiffness", &mut joint.stiffness);
     reader.leading("damping", &mut joint.damping);
     reader.list("springdamper", &mut joint.springdamper);
@@ -30,7 +31,6 @@ pub(super) fn read(reader: &mut Reader, joint: &mut Joint) {
     reader.tri("actuatorfrclimited", &mut joint.actuatorfrclimited);
     reader.boolean("actuatorgravcomp", &mut joint.actuatorgravcomp);
     reader.integer("group", &mut joint.group);
-    reader.neutral("springyield", "yielding springs (springyield) are");
 }
 
 /// Turns angles into radians, and the limit of a free joint off.
@@ -43,6 +43,9 @@ pub(super) fn finish(joint: &mut Joint, angles: &Angles) {
     if joint.kind == JointKind::Hinge {
         joint.reference *= scale;
         joint.springref *= scale;
+    }
+    if matches!(joint.kind, JointKind::Hinge | JointKind::Ball) {
+        joint.springyield *= scale;
     }
     if joint.kind == JointKind::Free {
         // Defaults often give every joint a limit; a free one has none.

@@ -9,7 +9,7 @@ use crate::spec::Key;
 /// Most keyframes that `size/nkey` may ask for.
 const MOST_KEYS: usize = 10_000;
 
-/// Reads all keys. `kept` says which actuators a lenient load kept.
+/// Reads all keys. `kept` says of which controls a lenient load kept the actuators.
 pub(super) fn read(tree: &Tree, kept: &[bool], lost_coordinates: bool, report: &mut Report) -> Vec<Key> {
     let mut keys = Vec::new();
     for index in tree.section("keyframe").filter(|&index| tree[index].tag == "key") {
@@ -27,9 +27,7 @@ pub(super) fn read(tree: &Tree, kept: &[bool], lost_coordinates: bool, report: &
         key.ctrl = reader.all("ctrl");
         key.mpos = reader.all("mpos");
         key.mquat = reader.all("mquat");
-        if reader.all("plastic").is_some() {
-            reader.report.unsupported(element, "plastic states (plastic) are");
-        }
+        key.plastic = reader.all("plastic");
         if kept.contains(&false) {
             drop_actuators(&mut key, kept, report, element);
         }

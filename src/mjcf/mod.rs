@@ -20,6 +20,7 @@ mod document;
 mod equality;
 mod geom;
 mod heights;
+mod history;
 mod include;
 mod joint;
 mod keyframe;
@@ -255,7 +256,8 @@ impl Built {
         }
         let (mut kept, mut lost) = (Vec::new(), self.lost_geoms);
         for entry in self.actuators {
-            kept.push(entry.kept);
+            // One for each control.
+            kept.extend(std::iter::repeat_n(entry.kept, entry.actuator.controls()));
             if entry.kept {
                 spec.actuators.push(entry.actuator);
             } else {

@@ -72,6 +72,12 @@ const GENERAL: &str = "actdim actearly actlimited actrange biasprm biastype dynp
 const POSITION: &str = "dampratio inheritrange kp kv timeconst";
 const INTVELOCITY: &str = "actlimited actrange dampratio inheritrange kp kv";
 const CYLINDER: &str = "area bias diameter timeconst";
+const PID: &str = "dampratio ffrange imax inheritrange input ki kp kv posrange slewmax velrange";
+/// What a motor has of other actuators; its force is bounded by `saturation`.
+const DRIVEN: &str = "armature cranklength ctrllimited ctrlrange damping delay gear group interp nsample user";
+const DCMOTOR: &str = "cogging controller inductance input lugre motorconst nominal resistance saturation thermal";
+const ORIENTATION: &str =
+    "ctrllimited ctrlrange dampratio delay forcelimited forcerange group input interp kp kv nsample user";
 const MUSCLE: &str = "force fpmax fvmax lmax lmin range scale timeconst vmax";
 
 static MUJOCO: Rule = Rule {
@@ -132,9 +138,9 @@ static DEFAULT: Rule = Rule {
         &leaf("cylinder", &[ACTUATOR, CYLINDER]),
         &leaf("muscle", &[ACTUATOR, MUSCLE]),
         &leaf("adhesion", &[ADHESION]),
-        &opaque("dcmotor"),
-        &opaque("pid"),
-        &opaque("orientation"),
+        &leaf("dcmotor", &[DRIVEN, DCMOTOR]),
+        &leaf("pid", &[ACTUATOR, PID]),
+        &leaf("orientation", &[ORIENTATION]),
         &DEFAULT,
     ],
     once: "mesh texture material joint geom site camera light pair equality tendon general motor position velocity \
@@ -157,7 +163,7 @@ static MESH_ASSET: Rule = Rule {
         "mesh",
         &[
             MESH,
-            "name class builtin content_type face file material normal params refpos refquat smoothnormal texcoord vertex",
+            "name class builtin centered content_type face file material normal params refpos refquat smoothnormal texcoord vertex",
         ],
     )
 };
@@ -249,9 +255,9 @@ static ACTUATORS: Rule = section(
         &leaf("cylinder", &[ACTUATOR, TRANSMISSION, SITES, CYLINDER]),
         &leaf("muscle", &[ACTUATOR, TRANSMISSION, MUSCLE, "tausmooth"]),
         &leaf("adhesion", &["name class body", ADHESION]),
-        &opaque("dcmotor"),
-        &opaque("pid"),
-        &opaque("orientation"),
+        &leaf("dcmotor", &[DRIVEN, TRANSMISSION, SITES, DCMOTOR]),
+        &leaf("pid", &[ACTUATOR, TRANSMISSION, SITES, PID]),
+        &leaf("orientation", &["name class joint refsite site", ORIENTATION]),
         &opaque("plugin"),
     ],
 );

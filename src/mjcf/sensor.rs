@@ -1,5 +1,6 @@
 //! `sensor`.
 
+use super::history::history;
 use super::reader::Reader;
 use super::report::{Report, quoted};
 use super::tree::Tree;
@@ -144,10 +145,8 @@ fn read(kind: SensorKind, names: Names, reader: &mut Reader) -> Option<Sensor> {
         Sensor { name: reader.text("name"), kind, source: reader.element.source.clone(), ..Sensor::default() };
     reader.real("cutoff", &mut sensor.cutoff);
     reader.real("noise", &mut sensor.noise);
-    if delayed(reader) {
-        reader.report.unsupported(reader.element, "histories of sensors (nsample, delay, interval) are");
-        return None;
-    }
+    history(reader, &mut sensor.history);
+    reader.leading("interval", &mut sensor.history.interval);
     let complete = match names {
         Names::Nothing => true,
         Names::One(of, attribute) => {
@@ -190,15 +189,6 @@ fn read(kind: SensorKind, names: Names, reader: &mut Reader) -> Option<Sensor> {
         Names::Any => user(reader, &mut sensor),
     };
     complete.then_some(sensor)
-}
-
-/// Whether a sensor asks for a history.
-fn delayed(reader: &mut Reader) -> bool {
-    let (mut samples, mut delay, mut interval) = (0, 0.0, [0.0; 2]);
-    reader.integer("nsample", &mut samples);
-    reader.real("delay", &mut delay);
-    reader.leading("interval", &mut interval);
-    samples != 0 || delay != 0.0 || interval[0] != 0.0
 }
 
 /// A kind of element, and the attribute that names it.

@@ -28,7 +28,7 @@ pub(super) fn read(reader: &mut Reader, tendon: &mut Tendon) {
     reader.integer("group", &mut tendon.group);
     reader.ignored("width", 1, false);
     reader.ignored("rgba", 4, false);
-    reader.neutral("springyield", "yielding springs (springyield) are");
+    reader.real("springyield", &mut tendon.springyield);
 }
 
 pub(super) fn joints(tree: &Tree, index: usize, report: &mut Report) -> Path {

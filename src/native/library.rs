@@ -408,10 +408,13 @@ impl<T: Float> ModelCode<T> {
         let primal = tables.options.solver != options::Solver::Pgs;
         let newton = tables.options.solver == options::Solver::Newton;
         let noslip = tables.options.noslip_iterations > 0;
+        // Histories take what sensors measure at every step.
+        let measures = !tables.sensor_rings.is_empty() && tables.options.flags.sensor;
         let wanted = move |part: &Part| match (part.op, part.of) {
-            (Op::Smooth, of) => of == if kick::kicks(tables) { KICKED } else { 0 },
+            (Op::Smooth, of) => of == if kick::kicks(tables) { KICKED } else { 0 } + if measures { 2 } else { 0 },
             (Op::Integrate, _) => tables.options.integrator != Integrator::Rk4,
-            (Op::Energy | Op::Sensor | Op::MeasureBoth | Op::Couple, _) => false,
+            (Op::Sensor, _) => measures,
+            (Op::Energy | Op::MeasureBoth | Op::Couple, _) => false,
             (Op::Equality | Op::Joints | Op::Near | Op::Narrow | Op::Parallel | Op::Measure, _) => true,
             (Op::Combine, _) => true,
             (Op::Sweep, of) => {

@@ -119,7 +119,7 @@ impl<L: LaneQuery> Scene<L> {
 
 /// A workspace after a few steps from a random state.
 fn stepped<L: LaneQuery>(tables: &Tables<L::Real>, random: &mut Random) -> (State<L>, Workspace<L>) {
-    let (mut state, mut ws) = (State::<L>::new(&tables.sizes), Workspace::new(tables));
+    let (mut state, mut ws) = (State::<L>::initial(tables), Workspace::new(tables));
     let mut start = |lanes: &mut [L], from: &[L::Real], size: f64| {
         for (i, x) in lanes.iter_mut().enumerate() {
             let from = from.get(i).map_or(0.0, |x| x.to_f64());
@@ -222,7 +222,10 @@ fn check<T>(name: &str, tables: &Arc<Tables<T>>, isa: InstructionSet, of: &[Op])
 where
     T: Float + LaneQuery<Real = T>,
 {
-    let code = Codes::<T>::default().get(tables, Some(isa)).expect("code");
+    let code = match Codes::<T>::default().get(tables, Some(isa)) {
+        Err(why) if why.contains("too large") => return 0, // a heap whose solver has room for every pair
+        code => code.expect("code"),
+    };
     let mut native = Native::new(code.clone());
     let mut random = Random(7);
     let (state, mut ws) = stepped::<T::Block>(tables, &mut random);

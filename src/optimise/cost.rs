@@ -339,7 +339,11 @@ impl Part {
             Quantity::Qpos(name) => Place::Positions(joints(name)?),
             Quantity::Qvel(name) => Place::Velocities(joints(name)?.into_iter().flat_map(|j| dofs(model, j)).collect()),
             Quantity::Ctrl(None) => Place::Controls((0..tables.sizes.nu).collect()),
-            Quantity::Ctrl(Some(name)) => Place::Controls(vec![find(&names.actuators, "actuator", name)?]),
+            Quantity::Ctrl(Some(name)) => {
+                let actuator = find(&names.actuators, "actuator", name)?;
+                let own = |u: &usize| tables.controls[*u].actuator as usize == actuator;
+                Place::Controls((0..tables.sizes.nu).filter(own).collect())
+            }
             Quantity::Site(name) | Quantity::Body(name) | Quantity::Com(name) | Quantity::Sensor(name) => {
                 let known = sensor.or_else(|| names.sensors.id(name)).map(|sensor| tables.sensors[sensor].data.range());
                 Place::Sensors(known.unwrap_or_default().collect())

@@ -263,9 +263,9 @@ impl Problem {
             return Err(Error::Input("the cost has no terms; give at least one".into()));
         }
         let (model, cost) = Cost::new(&cloud::accurate(model)?, terms)?;
-        let bounds = model.tables().actuators.iter().map(|actuator| {
-            if actuator.ctrl_limited && model.tables().options.flags.clampctrl {
-                actuator.ctrl_range
+        let bounds = model.tables().controls.iter().map(|control| {
+            if control.limited && model.tables().options.flags.clampctrl {
+                control.range
             } else {
                 [f64::NEG_INFINITY, f64::INFINITY]
             }

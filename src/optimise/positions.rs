@@ -74,7 +74,12 @@ fn drives(model: &Model) -> Result<Vec<Drive>, Error> {
         let joint = (actuator.joint != NONE).then(|| &tables.joints[actuator.joint as usize]);
         let simple =
             joint.filter(|joint| matches!(joint.kind, JointKind::Slide | JointKind::Hinge) && !joint.force_limited);
-        let plain = !actuator.follows() && !actuator.disabled && !actuator.force_limited && actuator.act == NONE;
+        let plain = !actuator.follows()
+            && !actuator.disabled
+            && !actuator.force_limited
+            && actuator.act == NONE
+            && actuator.controller == NONE
+            && actuator.servo == NONE;
         let force = actuator.gear[0] * actuator.gain[0];
         match simple {
             Some(joint) if plain && force != 0.0 => Ok((joint.dof as usize, force)),

@@ -142,7 +142,7 @@ fn from_outside<L: LaneQuery>(world: World<'_, L>, at: &[DVec3], poses: &mut Pos
         }
     }
     let instance = Instance { model: world.tables, varied: world.block.varied.as_deref() };
-    sensor::pushes(instance, &world.workspace.stages(), |push| {
+    sensor::pushes(instance, &world.workspace.stages(), &world.block.state.plastic, |push| {
         let (b, wrench) = (push.body as usize, [world.vector(&push.wrench[..3]), world.vector(&push.wrench[3..])]);
         let origin = if push.link == NONE { DVec3::ZERO } else { frames::origin(world, push.link) };
         add(&mut forces[b], moved(wrench, origin, at[b]), 1.0);

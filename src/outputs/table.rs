@@ -58,7 +58,7 @@ impl Dim {
 
 const NV: Dim = Dim::Of("nv", |sizes| sizes.nv);
 const NTENDON: Dim = Dim::Of("ntendon", |sizes| sizes.ntendon);
-const NU: Dim = Dim::Of("nu", |sizes| sizes.nu);
+const NOUT: Dim = Dim::Of("nout", |sizes| sizes.nout);
 const NA: Dim = Dim::Of("na", |sizes| sizes.na);
 const NBODY: Dim = Dim::Of("nbody", |sizes| sizes.nbody);
 const NGEOM: Dim = Dim::Of("ngeom", |sizes| sizes.ngeom);
@@ -164,6 +164,8 @@ impl<L: LaneQuery> Table<L> {
         Entry::state(&[Field::Qpos]),
         Entry::state(&[Field::Qvel]),
         Entry::state(&[Field::Act]),
+        Entry::state(&[Field::History]),
+        Entry::state(&[Field::Plastic]),
         Entry::state(&[Field::Ctrl]),
         Entry::state(&[Field::QaccWarmstart]),
         Entry::state(&[Field::EqActive]),
@@ -173,7 +175,7 @@ impl<L: LaneQuery> Table<L> {
         Entry::state(&[Field::TreeGuard]),
         Entry::state(&[Field::QfrcApplied]),
         Entry::state(&[Field::XfrcApplied]),
-        Entry::new("state", "time, qpos, qvel and act in one row", "", Read::State(&Field::STATE)),
+        Entry::new("state", "time, qpos, qvel, act, history and plastic in one row", "", Read::State(&Field::STATE)),
         Entry::new("status", "status bits", "", Read::Status).integer(),
         Entry::of("xpos", &[NBODY, THREE], ("positions of body frames", "m"), Stage::Position, |w, _, out| {
             frames::positions(w, &w.model.placements().bodies, out);
@@ -296,21 +298,21 @@ impl<L: LaneQuery> Table<L> {
             Stage::Tendon,
             frames::tendon_jacobians,
         ),
-        Entry::of("actuator_length", &[NU], ("actuator lengths", ""), Stage::Actuation, |w, _, out| {
-            w.numbers(&w.workspace.actuation.length, w.tables.sizes.nu, out);
+        Entry::of("actuator_length", &[NOUT], ("actuator lengths", ""), Stage::Actuation, |w, _, out| {
+            w.numbers(&w.workspace.actuation.length, w.tables.sizes.nout, out);
         }),
-        Entry::of("actuator_velocity", &[NU], ("actuator velocities", ""), Stage::Actuation, |w, _, out| {
-            w.numbers(&w.workspace.actuation.velocity, w.tables.sizes.nu, out);
+        Entry::of("actuator_velocity", &[NOUT], ("actuator velocities", ""), Stage::Actuation, |w, _, out| {
+            w.numbers(&w.workspace.actuation.velocity, w.tables.sizes.nout, out);
         }),
-        Entry::of("actuator_force", &[NU], ("actuator forces", ""), Stage::Actuation, |w, _, out| {
-            w.numbers(&w.workspace.actuation.force, w.tables.sizes.nu, out);
+        Entry::of("actuator_force", &[NOUT], ("actuator forces", ""), Stage::Actuation, |w, _, out| {
+            w.numbers(&w.workspace.actuation.force, w.tables.sizes.nout, out);
         }),
         Entry::of("act_dot", &[NA], ("rates of activations", "1/s"), Stage::Actuation, |w, _, out| {
             w.numbers(&w.workspace.actuation.act_dot, w.tables.sizes.na, out);
         }),
         Entry::of(
             "actuator_moment",
-            &[NU, NV],
+            &[NOUT, NV],
             ("generalised force per unit of force of each actuator", ""),
             Stage::Actuation,
             forces::moments,

@@ -169,6 +169,11 @@ impl Parameter {
             Parameter::ActuatorGainprm | Parameter::ActuatorBiasprm | Parameter::ActuatorGear if !flags.actuation => {
                 refuse("the flag actuation is off")
             }
+            Parameter::ActuatorGainprm | Parameter::ActuatorBiasprm | Parameter::ActuatorGear
+                if !model.tables().servos.is_empty() =>
+            {
+                refuse("orientation servos have several forces, which share their numbers")
+            }
             Parameter::ActuatorGainprm
                 if model.basis().damping_ratios && !others.contains(&Parameter::ActuatorBiasprm) =>
             {
@@ -262,7 +267,7 @@ impl Parameter {
             Parameter::ActuatorBiasprm => i % PRM < 3 && kind("actuator_biastype") == AFFINE,
             Parameter::ActuatorGear => match model.tables().actuators[i / 6].transmission {
                 Transmission::Scalar | Transmission::Tendon | Transmission::SliderCrank => i.is_multiple_of(6),
-                Transmission::Body => false,
+                Transmission::Body | Transmission::Turn | Transmission::TurnBetween => false,
                 Transmission::Ball | Transmission::BallInParent => i % 6 < 3,
                 Transmission::Free | Transmission::FreeInParent | Transmission::Site | Transmission::Relative => true,
             },
@@ -301,7 +306,9 @@ fn has_some(data: &ArrayData) -> bool {
 fn reflected(model: &Model, own: &[f64], array: &str) -> Vec<f64> {
     let tables = model.tables();
     let mut added = vec![0.0; tables.joints.len()];
-    for (actuator, x) in tables.actuators.iter().zip(real(model, array)) {
+    let all = real(model, array);
+    for actuator in &tables.actuators {
+        let x = all.get(actuator.id as usize).copied().unwrap_or(0.0);
         // What acts on sites has none.
         if let Some(added) = added.get_mut(actuator.joint as usize) {
             *added += x * (actuator.gear[0] * actuator.gear[0]);

@@ -1,6 +1,6 @@
 //! Actuators, as they are written.
 
-use super::{Source, Tri};
+use super::{History, Source, Tri};
 
 /// What an actuator acts on.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,6 +72,33 @@ pub enum Gain {
     Affine,
     /// That of a muscle: range of its lengths (two), peak force or -1, scale, lmin, lmax, vmax, fpmax, fvmax.
     Muscle,
+    /// A controller: what its bias says of length and velocity pulls towards a position and a velocity. `prm[0]` is its force per integral of
+    /// the error in position.
+    Pid,
+    /// A direct-current motor: resistance, torque constant, what resistance gains with temperature and the temperature at which it is told;
+    /// then its controller's torque per error in position, per integral of that, per error in velocity, and its largest voltage.
+    DcMotor,
+    /// A servo on an orientation: torque per angle by which it is not where it is told to be, along the shortest rotation.
+    So3,
+}
+
+/// What an actuator with several controls is told, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Input {
+    /// A position.
+    Pos,
+    /// A velocity.
+    Vel,
+    /// A force that is added; of a motor, a torque.
+    FeedForward,
+    /// Of a motor, a voltage.
+    Voltage,
+}
+
+impl Input {
+    /// All, with MJCF's words.
+    pub const ALL: &[(&str, Input)] =
+        &[("pos", Input::Pos), ("vel", Input::Vel), ("ff", Input::FeedForward), ("voltage", Input::Voltage)];
 }
 
 /// How an actuator's activation w follows its control u.
@@ -87,6 +114,11 @@ pub enum Dynamics {
     FilterExact,
     /// That of a muscle: time constants of activation and deactivation, width over which they are blended.
     Muscle,
+    /// That of a controller: bound of the integral of its error, or 0, and of the rate at which its position is followed, or 0.
+    Pid,
+    /// That of a motor: time constant of the current, bound of its rate, thermal resistance and capacity, temperature of the air, stiffness
+    /// and damping of its bristles, bound of the rate at which the first control is followed, and of the integral. What is 0 is not there.
+    DcMotor,
 }
 
 /// How an actuator's bias follows length and velocity.
@@ -98,6 +130,11 @@ pub enum Bias {
     Affine,
     /// That of a muscle, with parameters like those of its gain.
     Muscle,
+    /// That of a motor: amplitude, periods and phase of what its magnets do; friction of a moving motor, and at rest, and the velocity at which
+    /// the latter fades.
+    DcMotor,
+    /// What a servo on an orientation has beside its gain: `prm[1]` is minus that, `prm[2]` minus torque per angular velocity.
+    So3,
 }
 
 /// How lengths of muscles are ranged (MJCF `compiler/lengthrange`).
@@ -198,6 +235,16 @@ pub struct Actuator {
     pub damping: [f64; 3],
     /// Inertia added to the actuated joint, reflected through the gear squared.
     pub armature: f64,
+    /// Of a servo on an orientation, whether it is told a quaternion, and no rotation vector.
+    pub quaternion: bool,
+    /// What it is told: of a controller any of the first three, of a motor any. Others have one control, whatever is here.
+    pub inputs: Vec<Input>,
+    /// Ranges of a controller's velocity and force; the control range is that of its position.
+    pub velrange: Option<[f64; 2]>,
+    /// The latter.
+    pub ffrange: Option<[f64; 2]>,
+    /// Samples that are kept of its controls.
+    pub history: History,
     /// Group, for `actuatorgroupdisable`.
     pub group: i32,
     /// Where it was written.
@@ -228,8 +275,50 @@ impl Default for Actuator {
             forcelimited: Tri::Auto,
             damping: [0.0; 3],
             armature: 0.0,
+            quaternion: false,
+            inputs: Vec::new(),
+            velrange: None,
+            ffrange: None,
+            history: History::default(),
             group: 0,
             source: Source::default(),
         }
+    }
+}
+
+impl Actuator {
+    /// Number of its controls.
+    pub fn controls(&self) -> usize {
+        match self.gain {
+            Gain::Pid | Gain::DcMotor => self.inputs.len(),
+            Gain::So3 if self.quaternion => 4,
+            Gain::So3 => 3,
+            _ => 1,
+        }
+    }
+
+    /// Number of its forces.
+    pub fn outputs(&self) -> usize {
+        if self.gain == Gain::So3 { 3 } else { 1 }
+    }
+
+    /// Whether each of what may be activations is one: of a controller, what follows the first control, and the integral; of a motor then
+    /// temperature, bristles and current.
+    pub(crate) fn states(&self) -> [bool; 5] {
+        let [gain, dynamics] = [&self.gainprm, &self.dynprm];
+        match self.dynamics {
+            Dynamics::None => [false; 5],
+            Dynamics::Pid => [dynamics[1] > 0.0, gain[0] != 0.0, false, false, false],
+            Dynamics::DcMotor => {
+                [dynamics[7] > 0.0, gain[5] > 0.0, dynamics[2] > 0.0, dynamics[5] > 0.0, dynamics[0] > 0.0]
+            }
+            _ if self.gain == Gain::So3 => [true, true, true, false, false],
+            _ => [true, false, false, false, false],
+        }
+    }
+
+    /// Number of its activations.
+    pub fn activations(&self) -> usize {
+        self.states().into_iter().filter(|is| *is).count()
     }
 }

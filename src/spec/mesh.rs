@@ -20,6 +20,8 @@ pub struct Mesh {
     pub scale: [f64; 3],
     /// What of it has mass.
     pub inertia: MeshInertia,
+    /// Its geoms' frames are at its origin along its axes: the vertices are about their centre of mass, along their principal axes.
+    pub centered: bool,
     /// Most vertices of the hull that collides.
     pub maxhullvert: Option<usize>,
     /// Where it was written.
@@ -35,6 +37,7 @@ impl Default for Mesh {
             refquat: [1.0, 0.0, 0.0, 0.0],
             scale: [1.0; 3],
             inertia: MeshInertia::default(),
+            centered: false,
             maxhullvert: None,
             source: Source::default(),
         }

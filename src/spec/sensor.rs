@@ -2,7 +2,7 @@
 
 pub use lanesim_kernels::model::{ContactField, RayField, Reduce, SensorKind};
 
-use super::Source;
+use super::{History, Source};
 
 /// The kind of an element that a sensor is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -117,6 +117,8 @@ pub struct Sensor {
     pub cutoff: f64,
     /// Standard deviation of its noise, for whoever adds noise.
     pub noise: f64,
+    /// Samples that are kept of its numbers.
+    pub history: History,
     /// What it returns of each ray; only of [`SensorKind::Rangefinder`]. Empty: distances.
     pub fields: Vec<RayField>,
     /// What it returns of which contacts; only of [`SensorKind::Contact`].
@@ -136,6 +138,7 @@ impl Default for Sensor {
             reference: None,
             cutoff: 0.0,
             noise: 0.0,
+            history: History::default(),
             fields: Vec::new(),
             contacts: Contacts::default(),
             user: Default::default(),

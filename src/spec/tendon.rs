@@ -42,6 +42,8 @@ pub struct Tendon {
     pub margin: f64,
     /// Lengths between which the spring rests; both -1: the length where springs of joints rest.
     pub springlength: [f64; 2],
+    /// How far the spring is stretched before it yields, and rests elsewhere; 0: it does not yield.
+    pub springyield: f64,
     /// Coefficients of the spring force a x + b x² + c x³.
     pub stiffness: [f64; 3],
     /// Coefficients of the damper force a v + b v|v| + c v³.
@@ -77,6 +79,7 @@ impl Default for Tendon {
             limited: Tri::Auto,
             margin: 0.0,
             springlength: [-1.0; 2],
+            springyield: 0.0,
             stiffness: [0.0; 3],
             damping: [0.0; 3],
             armature: 0.0,

@@ -13,7 +13,8 @@ pub struct Rule {
 
 const BODY: &str =
     "body frame replicate joint freejoint geom site inertial camera light include composite flexcomp plugin";
-const ACTUATORS: &str = "motor position velocity general damper intvelocity cylinder muscle adhesion plugin";
+const ACTUATORS: &str =
+    "motor position velocity general damper intvelocity cylinder muscle adhesion pid dcmotor orientation plugin";
 
 const fn row(tag: &'static str, attributes: &'static str, children: &'static str) -> Rule {
     Rule { tag, attributes, children }
@@ -75,7 +76,7 @@ pub const RULES: &[Rule] = &[
     row(
         "joint",
         "name=JOINT class=@CLASS type=hinge|slide|ball|free pos=v3 axis=v3 range=v2 limited=true|false|auto \
-            stiffness=n damping=n armature=n frictionloss=n springref=n ref=n margin=n springdamper=v2 solreflimit=v2 \
+            stiffness=n damping=n armature=n frictionloss=n springref=n springyield=n ref=n margin=n springdamper=v2 solreflimit=v2 \
             solimplimit=v5 solreffriction=v2 solimpfriction=v5 actuatorfrcrange=v2 actuatorfrclimited=b \
             actuatorgravcomp=b group=i user=v2 joint1=@JOINT joint2=@JOINT polycoef=v5 active=b solref=v2 solimp=v5 joint=@JOINT coef=n",
         "",
@@ -106,7 +107,7 @@ pub const RULES: &[Rule] = &[
     row(
         "motor",
         "name=ACTUATOR class=@CLASS joint=@JOINT jointinparent=@JOINT site=@SITE tendon=@TENDON gear=v6 ctrlrange=v2 \
-            ctrllimited=true|false|auto forcerange=v2 forcelimited=b group=i armature=n damping=n lengthrange=v2 delay=n \
+            ctrllimited=true|false|auto forcerange=v2 forcelimited=b group=i armature=n damping=n lengthrange=v2 delay=n nsample=i interp=zoh|linear|cubic \
             refsite=@SITE body=@BODY cranksite=@SITE slidersite=@SITE cranklength=n user=v2",
         "",
     ),
@@ -126,6 +127,22 @@ pub const RULES: &[Rule] = &[
     ),
     row("damper", "name=ACTUATOR joint=@JOINT kv=n ctrlrange=v2", ""),
     row("intvelocity", "name=ACTUATOR joint=@JOINT kp=n kv=n actrange=v2 inheritrange=n", ""),
+    row(
+        "pid",
+        "name=ACTUATOR class=@CLASS joint=@JOINT kp=n kv=n ki=n imax=n slewmax=n input=t velrange=v2 ffrange=v2 ctrlrange=v2 nsample=i",
+        "",
+    ),
+    row(
+        "dcmotor",
+        "name=ACTUATOR class=@CLASS joint=@JOINT resistance=n motorconst=v2 nominal=v3 inductance=v2 thermal=v6 saturation=v3 \
+            cogging=v3 lugre=v5 controller=v6 input=t ctrlrange=v2",
+        "",
+    ),
+    row(
+        "orientation",
+        "name=ACTUATOR class=@CLASS joint=@JOINT site=@SITE refsite=@SITE kp=n kv=n dampratio=n input=t forcerange=v2",
+        "",
+    ),
     row("cylinder", "name=ACTUATOR joint=@JOINT area=n diameter=n bias=v3", ""),
     row(
         "muscle",
@@ -133,12 +150,12 @@ pub const RULES: &[Rule] = &[
         "",
     ),
     row("keyframe", "", "key"),
-    row("key", "name=t time=n qpos=v7 qvel=v6 act=v2 ctrl=v2 mpos=v3 mquat=v4", ""),
+    row("key", "name=t time=n qpos=v7 qvel=v6 act=v2 ctrl=v2 mpos=v3 mquat=v4 plastic=v2", ""),
     row("custom", "", "numeric text tuple"),
     row("numeric", "name=t size=i data=v3", ""),
     row("text", "name=t data=t", ""),
     row("sensor", "", "jointpos gyro"),
-    row("jointpos", "name=t joint=@JOINT noise=n", ""),
+    row("jointpos", "name=t joint=@JOINT noise=n nsample=i delay=n interval=v2 interp=zoh|linear|cubic", ""),
     row("gyro", "name=t site=@SITE", ""),
     row("equality", "", "weld connect joint tendon"),
     row(

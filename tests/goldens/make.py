@@ -159,7 +159,8 @@ def move(model, qpos, by):
 def inputs(model):
     """What makes up a state."""
     mocap = ("mocap_pos", "mocap_quat") * (model.nmocap > 0)
-    return INPUTS + ("act",) * (model.na > 0) + ("eq_active",) * (model.neq > 0) + mocap
+    past = ("time", "history") * (model.nhistory > 0) + ("plastic",) * (model.nplastic > 0)
+    return INPUTS + past + ("act",) * (model.na > 0) + ("eq_active",) * (model.neq > 0) + mocap
 
 
 def more_than_joints(model):
@@ -201,7 +202,10 @@ def richness(model, state):
 def start(model, state):
     data = mujoco.MjData(model)
     for k, v in state.items():
-        getattr(data, k)[:] = v
+        if k == "time":
+            data.time = v
+        else:
+            getattr(data, k)[:] = v
     return data
 
 
@@ -241,7 +245,7 @@ def results(model, data):
     """Everything recorded about one state, contacts and rows unpadded."""
     out = {k: np.array(getattr(data, k)) for k in FIELDS + ["sensordata"] * (model.nsensor > 0)}
     if more_than_joints(model):
-        moment = np.zeros((model.nu, model.nv))
+        moment = np.zeros((model.nout, model.nv))
         mujoco.mju_sparse2dense(moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
         out["actuator_moment"], out["act_dot"] = moment, np.array(data.act_dot)
     out["qM"] = np.zeros((model.nv, model.nv))

@@ -6,7 +6,7 @@ use lanesim_kernels::options::Solver;
 use proptest::prelude::{TestCaseError, prop_assert, prop_assert_eq, prop_assume, proptest};
 
 use super::recipe::{HeapRecipe, heap};
-use super::support::{Random, options};
+use crate::support::{Random, options};
 use super::{State, config, evaluate, forward, minus, norm, times, worlds};
 
 /// Worlds per model.

@@ -83,7 +83,7 @@ impl Golden {
     pub fn eval(&self, fields: &[&str], nstep: usize, options: &Options) -> BTreeMap<String, Vec<Vec<f64>>> {
         let mut inputs = self.inputs();
         // States of a model without inputs are all alike, and one world per state must still come out.
-        inputs.insert("time".into(), Array::vector(vec![0.0; self.states()]));
+        inputs.entry("time".into()).or_insert_with(|| Array::vector(vec![0.0; self.states()]));
         let outputs =
             eval(&self.model, &inputs, fields, nstep, options).unwrap_or_else(|e| panic!("{}: {e}", self.name));
         outputs.into_iter().map(|(name, array)| (name, self.rows(&array.to_f64()))).collect()

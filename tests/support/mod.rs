@@ -18,8 +18,7 @@ pub fn repository(path: &str) -> PathBuf {
 }
 
 /// Models that the integrator `discrete` refuses: see `what_discrete_steps_refuse` in tests/steps.rs.
-pub const NOT_DISCRETE: [&str; 11] = [
-    "unit/fluid",
+pub const NOT_DISCRETE: [&str; 10] = [
     "unit/fluid_thin",
     "unit/fluid_ellipsoid",
     "unit/adhesion",

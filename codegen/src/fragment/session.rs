@@ -27,7 +27,7 @@ const MASKS: usize = 2;
 /// Most columns of windows.
 const MOST_COLUMNS: usize = 16;
 /// Words of a set of fields.
-const WORDS: usize = 3;
+const WORDS: usize = 4;
 /// Sets of fields that are remembered.
 const SETS: usize = 64;
 
@@ -198,12 +198,13 @@ impl Kept {
     /// Looks up the number of the set that is lent.
     #[inline(always)]
     fn lend(&mut self, lent: Fields) {
-        let [first, second, third] = lent.0;
-        let mixed = first ^ second.rotate_left(21) ^ third.rotate_left(42);
+        let [first, second, third, fourth] = lent.0;
+        let mixed = first ^ second.rotate_left(21) ^ third.rotate_left(42) ^ fourth.rotate_left(11);
         let place = mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15) as usize >> (u64::BITS - SETS.ilog2());
         let (known, number) = &self.sets[place];
         // Word by word: registers that are wider would have to wait for what was just written.
-        if known.0[0] != first || known.0[1] != second || known.0[2] != third || *number == 0 {
+        let same = known.0[0] == first && known.0[1] == second && known.0[2] == third && known.0[3] == fourth;
+        if !same || *number == 0 {
             self.remember(place, lent);
         }
         (self.set, self.place) = (self.sets[place].1, place);
@@ -257,7 +258,7 @@ impl<'a, T: Float> Lending<'a, T> {
     ///
     /// # Panics
     ///
-    /// If the number is 192 or more.
+    /// If the number is 256 or more.
     #[inline(always)]
     pub fn lend(&mut self, number: usize, field: FieldSlice<'a, T>) {
         // Exposed: code that was bound in an earlier session uses the address.

@@ -31,7 +31,7 @@ pub(super) fn transmit<L: Lane>(
         }
         Transmission::Site => site(model, actuator, &gear, position, moment),
         Transmission::Relative => relative(model, actuator, &gear, configuration, position, moment),
-        Transmission::Body => {
+        Transmission::Body | Transmission::Turn | Transmission::TurnBetween => {
             moment.fill(L::zero());
             L::zero()
         }
@@ -123,6 +123,25 @@ fn site<L: Lane>(
         *moment = tree::project(&model, &position.cdof, entry.dof as usize, &wrench);
     }
     L::zero()
+}
+
+/// Sets the moments of what turns a joint, or a site against another, about one of its own axes.
+#[inline(always)]
+pub(super) fn turn<L: Lane>(
+    model: Instance<'_, L>,
+    (actuator, axis): (&Actuator<L::Real>, usize),
+    position: &Position<L>,
+    moment: &mut [L],
+) {
+    if actuator.transmission == Transmission::Turn {
+        return moment.fill(L::one());
+    }
+    let (first, zero) = (frame(model, actuator, 0, position), [L::zero(); 3]);
+    let twist = wrench(&zero, &zero, &column(&first.rot, axis));
+    for (moment, MomentDof { dof, moves }) in moment.iter_mut().zip(&model.moment_dofs[actuator.moments.range()]) {
+        let on = tree::project(&model, &position.cdof, *dof as usize, &twist);
+        *moment = if moves[0] { on } else { -on };
+    }
 }
 
 /// Lengths along and about the second site's axes. As in MuJoCo, moments take these axes for fixed, and dofs that move both sites have

@@ -1,6 +1,6 @@
 //! What actuator forces gain with velocity, and with length.
 
-use crate::actuation::{Actuation, slopes};
+use crate::actuation::{Actuation, servo_within, slopes};
 use crate::lane::{Lane, Mask, Real};
 use crate::model::{Dof, Instance, MomentDof, NONE};
 use crate::options::Integrator;
@@ -49,14 +49,18 @@ pub(super) fn products<L: Lane>(model: Instance<'_, L>, dofs: &[MomentDof], mut 
     }
 }
 
-/// Calls `f` for every actuator whose force gains anything. A force at a bound, its own or that of its joint, gains nothing.
+/// Calls `f` for every actuator whose force gains anything. A force at a bound, its own or that of its joint, gains nothing. (Of a clamped
+/// orientation servo, rounding decides whether MuJoCo sees it so.)
 #[inline(always)]
 pub(super) fn gains<L: Lane>(model: Instance<'_, L>, actuation: &Actuation<L>, mut f: impl FnMut(Gain<'_, L>)) {
     for (a, actuator) in model.actuators.iter().enumerate().filter(|(_, actuator)| actuator.follows()) {
         let [length, velocity] = slopes(model, a, actuation);
         let mut free = L::Mask::splat(true);
-        if actuator.force_limited {
+        if actuator.force_limited && actuator.motor == NONE {
             free = free & within(actuation.force[a], &actuator.force_range);
+        }
+        if let Some(servo) = model.servos.get(actuator.servo as usize).filter(|servo| servo.bounded) {
+            free = free & servo_within(servo, &actuation.force);
         }
         if actuator.joint != NONE && model.joints[actuator.joint as usize].force_limited {
             let joint = &model.joints[actuator.joint as usize];

@@ -6,7 +6,9 @@ use super::actuators::{Gain, gains, products};
 use crate::lane::Lane;
 use crate::math::vec3::norm;
 use crate::model::{Features, Instance, Joint, JointKind, Model, MomentDof, Tendon};
-use crate::passive::{damper_slope, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest};
+use crate::passive::{
+    damper_slope, joint_rest, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest,
+};
 use crate::state::State;
 use crate::tendon::{self, Tendons};
 
@@ -28,7 +30,7 @@ pub(super) fn add<L: Lane>(
     }
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            for (dofs, stiffness) in slopes(joint, &model.stiffness(j), &state.qpos[joint.qpos as usize..]) {
+            for (dofs, stiffness) in slopes(joint, &model.stiffness(j), state) {
                 let held = h * stiffness.max(L::zero());
                 for i in dofs {
                     let diagonal = &mut matrix[model.rows.diagonal(i)];
@@ -38,7 +40,7 @@ pub(super) fn add<L: Lane>(
             }
         }
     }
-    tendons(&model, stages.tendons, h, (matrix, pull, joined));
+    tendons(&model, (stages.tendons, &state.plastic), h, (matrix, pull, joined));
     if model.features.actuation {
         gains(model, stages.actuation, |Gain { dofs, moment, length, velocity }| {
             let (spring, damper) = ((-length).max(L::zero()), (-velocity).max(L::zero()));
@@ -61,7 +63,7 @@ pub(super) fn add<L: Lane>(
 /// Of dampers and springs of tendons.
 fn tendons<L: Lane>(
     model: &Model<L::Real>,
-    tendons: &Tendons<L>,
+    (tendons, plastic): (&Tendons<L>, &[L]),
     h: L,
     (matrix, pull, joined): (&mut [L], &mut [L], &mut [L]),
 ) {
@@ -70,7 +72,7 @@ fn tendons<L: Lane>(
     for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
         let (zero, speed) = (L::zero(), tendons.velocity[t]);
         let damper = if dampers { tendon_damper_slope(model, t, speed) } else { zero };
-        let spring = if springs { tendon_spring_slope(tendon, tendons.length[t]) } else { zero };
+        let spring = if springs { tendon_spring_slope(tendon, tendons.length[t], plastic) } else { zero };
         let held = h * spring.max(zero);
         let both = h.mul_add(held, h * damper.max(zero));
         for (dof, _) in tendon::columns(model, t, &tendons.jacobian) {
@@ -85,17 +87,18 @@ fn tendons<L: Lane>(
 pub(super) fn slopes<L: Lane>(
     joint: &Joint<L::Real>,
     [a, b, c]: &[L; 3],
-    q: &[L],
+    State { qpos, plastic, .. }: &State<L>,
 ) -> impl Iterator<Item = (std::ops::Range<usize>, L)> {
+    let q = &qpos[joint.qpos as usize..];
     let slope = |r: L| r.mul_add(r.mul_add(L::of(3.0) * *c, *b + *b), *a);
     let dof = joint.dof as usize;
     let (first, second) = match joint.kind {
         JointKind::Free => (
             (dof..dof + 3, slope(norm(&shift_from_rest(joint, q)))),
-            Some((dof + 3..dof + 6, slope(norm(&twist_from_rest(joint, &q[3..], 3))))),
+            Some((dof + 3..dof + 6, slope(norm(&twist_from_rest(joint, &q[3..], 3, plastic))))),
         ),
-        JointKind::Ball => ((dof..dof + 3, slope(norm(&twist_from_rest(joint, q, 0)))), None),
-        JointKind::Slide | JointKind::Hinge => ((dof..dof + 1, slope(q[0] - L::splat(joint.qpos_spring[0]))), None),
+        JointKind::Ball => ((dof..dof + 3, slope(norm(&twist_from_rest(joint, q, 0, plastic)))), None),
+        JointKind::Slide | JointKind::Hinge => ((dof..dof + 1, slope(q[0] - joint_rest(joint, plastic, 0))), None),
     };
     std::iter::once(first).chain(second)
 }

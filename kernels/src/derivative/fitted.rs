@@ -36,7 +36,7 @@ pub(super) fn add<L: Lane>(
             springs[i] = lost * state.qvel[i];
         }
     }
-    tendons(model, stages, h, (matrix, pull));
+    tendons(model, (stages, &state.plastic), h, (matrix, pull));
     if model.features.actuation {
         gains(model, stages.actuation, |Gain { dofs, moment, length, velocity }| {
             if dofs.len() < 2 {
@@ -86,7 +86,7 @@ fn single<L: Lane>(
     }
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            for (dofs, stiffness) in slopes(joint, &model.stiffness(j), &state.qpos[joint.qpos as usize..]) {
+            for (dofs, stiffness) in slopes(joint, &model.stiffness(j), state) {
                 dofs.for_each(|i| springs[i] = stiffness.max(L::zero()));
             }
         }
@@ -102,7 +102,12 @@ fn single<L: Lane>(
     }
 }
 
-fn tendons<L: Lane>(model: Instance<'_, L>, stages: Stages<'_, L>, h: L, (matrix, pull): (&mut [L], &mut [L])) {
+fn tendons<L: Lane>(
+    model: Instance<'_, L>,
+    (stages, plastic): (Stages<'_, L>, &[L]),
+    h: L,
+    (matrix, pull): (&mut [L], &mut [L]),
+) {
     let features = &model.features;
     let tendons = stages.tendons;
     for (t, tendon) in model.tendons.iter().enumerate() {
@@ -112,7 +117,7 @@ fn tendons<L: Lane>(model: Instance<'_, L>, stages: Stages<'_, L>, h: L, (matrix
         }
         let (zero, speed) = (L::zero(), tendons.velocity[t]);
         let b = if damper { tendon_damper_slope(&model, t, speed).max(zero) } else { zero };
-        let k = if spring { tendon_spring_slope(tendon, tendons.length[t]).max(zero) } else { zero };
+        let k = if spring { tendon_spring_slope(tendon, tendons.length[t], plastic).max(zero) } else { zero };
         let mut weight = zero;
         for (dof, j) in tendon::columns(&model, t, &tendons.jacobian) {
             weight = (j * j).mul_add(L::splat(model.dofs[dof].invweight), weight);

@@ -92,7 +92,6 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
     let discrete = model.options.integrator == Integrator::Discrete;
     if discrete {
         discrete::add(model, state, stages, h, (&mut out.lower, &mut out.pull, &mut out.joined));
-        out.metric.copy_from_slice(&out.lower);
     }
     if model.features.dampers && !discrete {
         for (i, _) in model.dofs.iter().enumerate().filter(|(_, dof)| dof.damped) {
@@ -106,6 +105,9 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
         }
     }
     fluid::add_slope(&model, stages.position, stages.velocity, h, &mut out.lower);
+    if discrete {
+        out.metric.copy_from_slice(&out.lower);
+    }
     if model.features.actuation && !discrete {
         actuators::add(model, stages.actuation, h, &mut out.lower);
     }

@@ -6,8 +6,9 @@ use crate::lane::Lane;
 use crate::math::ldl;
 use crate::math::vec3::{add, dot, norm};
 use crate::model::{Instance, Joint, JointKind};
-use crate::passive::{shift_from_rest, tendon_spring_energy, twist_from_rest};
+use crate::passive::{joint_rest, shift_from_rest, tendon_spring_energy, twist_from_rest};
 use crate::position::Position;
+use crate::state::State;
 use crate::tendon::Tendons;
 
 fields! {
@@ -35,8 +36,7 @@ pub struct Stages<'a, L> {
 pub fn energy<L: Lane>(
     model: Instance<'_, L>,
     Stages { position, tendons, inertia }: Stages<'_, L>,
-    qpos: &[L],
-    qvel: &[L],
+    State { qpos, qvel, plastic, .. }: &State<L>,
     energy: &mut Energy<L>,
 ) {
     // Bodies that stand still count as well: their potential is a constant.
@@ -49,10 +49,10 @@ pub fn energy<L: Lane>(
     }
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            potential += spring_energy(joint, &model.stiffness(j), &qpos[joint.qpos as usize..]);
+            potential += spring_energy(joint, &model.stiffness(j), (&qpos[joint.qpos as usize..], plastic));
         }
         for (tendon, length) in model.tendons.iter().zip(&tendons.length).filter(|(tendon, _)| tendon.spring) {
-            potential += tendon_spring_energy(tendon, *length);
+            potential += tendon_spring_energy(tendon, *length, plastic);
         }
     }
     energy.potential[0] = potential;
@@ -66,14 +66,16 @@ pub fn energy<L: Lane>(
 
 /// ½ a r² + b r³/3 + c r⁴/4 of each stretched part of a joint.
 #[inline(always)]
-fn spring_energy<L: Lane>(joint: &Joint<L::Real>, [a, b, c]: &[L; 3], q: &[L]) -> L {
+fn spring_energy<L: Lane>(joint: &Joint<L::Real>, [a, b, c]: &[L; 3], (q, plastic): (&[L], &[L])) -> L {
     let stored = |r: L| {
         let inner = r.mul_add(r.mul_add(*c * L::of(0.25), *b * L::of(1.0 / 3.0)), *a * L::of(0.5));
         inner * r * r
     };
     match joint.kind {
-        JointKind::Free => stored(norm(&shift_from_rest(joint, q))) + stored(norm(&twist_from_rest(joint, &q[3..], 3))),
-        JointKind::Ball => stored(norm(&twist_from_rest(joint, q, 0))),
-        JointKind::Slide | JointKind::Hinge => stored(q[0] - L::splat(joint.qpos_spring[0])),
+        JointKind::Free => {
+            stored(norm(&shift_from_rest(joint, q))) + stored(norm(&twist_from_rest(joint, &q[3..], 3, plastic)))
+        }
+        JointKind::Ball => stored(norm(&twist_from_rest(joint, q, 0, plastic))),
+        JointKind::Slide | JointKind::Hinge => stored(q[0] - joint_rest(joint, plastic, 0)),
     }
 }

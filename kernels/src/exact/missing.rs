@@ -32,6 +32,15 @@ pub fn missing<T: Real>(model: &Model<T>, of: Of) -> Option<String> {
     if model.options.noslip_iterations > 0 {
         return of("forces of the pass without slip");
     }
+    if model.sizes.nplastic > 0 {
+        return of("springs that yield");
+    }
+    if !model.controllers.is_empty() || !model.motors.is_empty() || !model.servos.is_empty() {
+        return of("actuators with several controls");
+    }
+    if model.sizes.ndelayed > 0 {
+        return of("controls that act late");
+    }
     if model.features.adhesion {
         return of("actuators that act by what touches a body");
     }

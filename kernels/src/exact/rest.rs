@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use super::held::EDGE;
 use super::missing::{Reach, companions};
+use crate::actuation::Actuation;
 use crate::constraint::DofRowKind;
 use crate::derivative;
 use crate::lane::{Lane, Mask, Tangent};
@@ -16,7 +17,7 @@ use crate::options::Integrator;
 use crate::passive::damper_slope;
 use crate::state::{Applied, State};
 use crate::workspace::Workspace;
-use crate::{acceleration, actuation, constraint, inertia, integration, passive, position, solver, tendon, velocity};
+use crate::{acceleration, actuation, constraint, inertia, passive, position, solver, tendon, velocity};
 
 /// What is evaluated anew.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -192,7 +193,8 @@ impl<L: Lane> Rest<L> {
         if super::is_implicit(model) {
             self.exceed(model);
         }
-        integration::activations(model, &self.state.act, &self.ws.actuation.act_dot, &mut self.act);
+        let Actuation { act_dot, bent, .. } = &self.ws.actuation;
+        actuation::activations(model, &self.state.act, (act_dot, bent), &mut self.act);
         self.found.act.iter_mut().zip(&self.act).for_each(|(out, x)| *out = x.rate);
     }
 
@@ -271,7 +273,7 @@ fn smooth<L: Lane>(
     }
     if rates && model.features.passive() {
         let stages = passive::Stages { position, tendons, velocity };
-        passive::passive(model, stages, &state.qpos, &state.qvel, passive);
+        passive::passive(model, stages, state, passive);
     }
     if from <= Anew::Input && !model.actuators.is_empty() {
         actuation::actuation(model, state, (position, tendons, passive), actuation);

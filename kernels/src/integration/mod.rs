@@ -12,7 +12,6 @@ pub use staggered::{drift, staggered};
 pub use tangent::{difference, displace};
 
 use crate::acceleration::articulated;
-use crate::actuation;
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::{Lane, Real};
@@ -35,7 +34,7 @@ fields! {
         /// Next activations.
         pub act: Vec<L> = sizes.na,
         /// Next low words of the positions.
-        pub low: Vec<L> = sizes.nlow.saturating_sub(1),
+        pub low: Vec<L> = if sizes.nlow > 0 { sizes.nq } else { 0 },
         /// Acceleration over the step; differs from the solver's where damping is implicit.
         pub qacc: Vec<L> = sizes.nv,
         /// Factor of M + h B, B the slopes of the dampers.
@@ -104,19 +103,6 @@ pub fn euler<L: Lane>(
         out.qvel[i] = h.mul_add(out.qacc[i], qvel[i]);
     }
     advance(&model, qpos, &out.qvel, h, [&mut out.qpos, &mut out.low]);
-}
-
-/// Next activations, from their rates.
-pub fn activations<L: Lane>(model: &Model<L::Real>, act: &[L], act_dot: &[L], out: &mut [L]) {
-    if !model.features.actuation {
-        return out.copy_from_slice(act);
-    }
-    for actuator in &model.actuators {
-        let at = actuator.act as usize;
-        if let Some(w) = act.get(at) {
-            out[at] = actuation::next(actuator, *w, act_dot[at]);
-        }
-    }
 }
 
 /// Replaces the state by the next one in the lanes of `alive` whose next state is usable, and returns these; `accelerations` as of

@@ -6,7 +6,8 @@
 
 use std::f64::consts::PI;
 
-use super::{Integration, activations, advance};
+use super::{Integration, advance, later};
+use crate::actuation::activations;
 use crate::fields::fields;
 use crate::lane::{Lane, Real, sin_cos};
 use crate::math::vec3::{cross, norm, scale_add};
@@ -25,10 +26,12 @@ fields! {
         pub qaccs: Vec<L> = sizes.nv,
         /// Weighted sum of the rates of activations.
         pub act_dots: Vec<L> = sizes.na,
+        /// How far motors' bristles will be bent, as the first evaluation has it.
+        pub bristles: Vec<L> = sizes.nmotor,
         /// Where they lead.
         pub qpos: Vec<L> = sizes.nq,
         /// The low words of that.
-        pub low: Vec<L> = sizes.nlow.saturating_sub(1),
+        pub low: Vec<L> = if sizes.nlow > 0 { sizes.nq } else { 0 },
     } L
 }
 
@@ -71,20 +74,23 @@ impl<L: Lane> Rk4<L> {
         [rate, rates, qaccs, act_dots].into_iter().for_each(|sums| sums.fill(L::zero()));
     }
 
-    /// Takes over what evaluation `part` of the present stage has found, the accelerations with constraints and without and the rates of
-    /// activations, and moves on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
+    /// Takes over what evaluation `part` of the present stage has found, the accelerations with constraints and without, the rates of
+    /// activations and how far motors' bristles will be bent, and moves on: to the next stage, or after the last to the end of the step, which `out` then holds. `state` is where the step began.
     /// Worlds that are not `good` stay as they are. Returns the others whose accelerations and next state are usable.
     pub fn take(
         &mut self,
         model: &Model<L::Real>,
         part: usize,
-        ([qacc, qacc_smooth], act_dot): ([&[L]; 2], &[L]),
+        ([qacc, qacc_smooth], [act_dot, bent]): ([&[L]; 2], [&[L]; 2]),
         state: &State<L>,
         good: L::Mask,
         out: &mut Integration<L>,
     ) -> L::Mask {
         let h = model.options.timestep;
-        let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, qpos, low } } = self;
+        let Rk4 { stage, rates: Rates { rate, rates, qaccs, act_dots, bristles, qpos, low } } = self;
+        if part == 0 {
+            bristles.copy_from_slice(bent);
+        }
         // Of the accelerations only the first is held against the largest number, as for other integrators.
         let judged = if part == 0 { qacc } else { &[] };
         let good = judged.iter().fold(good, |good, a| good & a.within(L::Real::MAXVAL));
@@ -111,7 +117,7 @@ impl<L: Lane> Rk4<L> {
         if last {
             let Integration { act, .. } = out;
             // What a lost world would have is judged with the rest of its state.
-            activations(model, &state.act, act_dots, act);
+            activations(model, &state.act, (act_dots, bristles), act);
         } else {
             for (i, rate) in act_dot.iter().enumerate() {
                 take(&mut out.act[i], L::of(reach).mul_add(*rate, state.act[i]));
@@ -126,7 +132,9 @@ impl<L: Lane> Rk4<L> {
             take(stage.low.get_mut(1..).unwrap_or_default(), &out.low);
             take(&mut stage.qvel, &out.qvel);
             take(&mut stage.act, &out.act);
-            take(&mut stage.time, &[state.time[0] + L::of(reach)]);
+            let [time, low] = later(reach, state);
+            take(&mut stage.time, &[time]);
+            take(stage.low.get_mut(..1).unwrap_or_default(), &[low]);
             for (i, warm) in stage.qacc_warmstart.iter_mut().enumerate() {
                 *warm = L::select(good, qacc[i] - qacc_smooth[i], *warm);
             }

@@ -1,7 +1,7 @@
 //! The ends of midpoint steps: positions drift for half a step with the old velocity, and, after the kick in the middle, for the other half
 //! with the new one. What the kick is made of is in [`kick`](mod@crate::kick).
 
-use super::{Integration, advance};
+use super::{Integration, advance, later};
 use crate::lane::Lane;
 use crate::model::Model;
 use crate::state::State;
@@ -10,7 +10,9 @@ use crate::state::State;
 pub fn drift<L: Lane>(model: &Model<L::Real>, state: &State<L>, middle: &mut State<L>) {
     let half = L::of(0.5 * model.options.timestep);
     middle.copy_from(state);
-    middle.time[0] = state.time[0] + half;
+    let [time, rest] = later(0.5 * model.options.timestep, state);
+    middle.time[0] = time;
+    middle.low.first_mut().into_iter().for_each(|low| *low = rest);
     let State { qpos, low, .. } = middle;
     advance(model, state.positions(), &state.qvel, half, [qpos, low.get_mut(1..).unwrap_or_default()]);
 }

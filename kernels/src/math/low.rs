@@ -33,13 +33,13 @@ fn rounded<L: Lane>(a: L, b: L) -> [L; 2] {
     [sum, (a - first) + (b - second)]
 }
 
-/// Low words of time 0 and of positions that are rounded to `U`; none in double precision.
-pub fn remainders<T: Real, U: Real>(qpos: &[T]) -> Vec<U> {
+/// Low words of time 0 and of numbers that are rounded to `U`; none in double precision.
+pub fn remainders<'a, T: Real, U: Real>(numbers: impl Iterator<Item = &'a T>) -> Vec<U> {
     if !kept::<U>() {
         return Vec::new();
     }
     let rest = |x: &T| U::from_f64(remainder::<U>(x.to_f64()));
-    std::iter::once(U::from_f64(0.0)).chain(qpos.iter().map(rest)).collect()
+    std::iter::once(U::from_f64(0.0)).chain(numbers.map(rest)).collect()
 }
 
 /// Whether numbers of this type have low words.

@@ -27,6 +27,10 @@ pub enum Transmission {
     SliderCrank,
     /// A body: what touches it is pulled towards it.
     Body,
+    /// Of an orientation servo on a ball joint, what turns it about one of the child's axes: length is the rotation vector's component.
+    Turn,
+    /// The same of a site relative to another, about one of its own axes.
+    TurnBetween,
 }
 
 table! {
@@ -94,7 +98,103 @@ table! {
 }
 
 table! {
-    /// An actuator: force = gain·control + bias, or gain·activation + bias.
+    /// A number by which an actuator is told what to do.
+    pub struct Control {
+        /// Its actuator.
+        pub actuator: u32,
+        /// Whether it is clamped.
+        pub limited: bool,
+        real:
+        /// Bounds.
+        pub range: [T; 2],
+    } T
+}
+
+table! {
+    /// What an actuator does with several controls, of which any may be missing: it pulls towards a position and a velocity.
+    pub struct Controller {
+        /// The controls that are its position, its velocity, and a force (of a motor, torque) that is added, or [`NONE`].
+        pub inputs: [u32; 3],
+        /// The activation that follows the first of these at a bounded rate, or [`NONE`].
+        pub slew: u32,
+        /// The activation that is the integral of the error in position, or [`NONE`].
+        pub integral: u32,
+        /// Whether that is bounded.
+        pub winds: bool,
+        real:
+        /// How far the first control is followed in a step.
+        pub slew_step: T,
+        /// The same in a unit of time.
+        pub slew_rate: T,
+        /// Bound of the integral.
+        pub windup: T,
+        /// Force per integral.
+        pub ki: T,
+        /// Of a motor, torque per error in position, and in velocity; other actuators pull by their bias.
+        pub gains: [T; 2],
+    } T
+}
+
+table! {
+    /// A direct-current motor: its current follows the voltage, from its controller, if it has one, and from a control.
+    pub struct Motor {
+        /// The control that is a voltage, or [`NONE`].
+        pub voltage: u32,
+        /// The activation that is how much warmer than the air its winding is, or [`NONE`].
+        pub temperature: u32,
+        /// The activation that is how far the bristles of its friction are bent, or [`NONE`].
+        pub bristle: u32,
+        /// The activation that is its current, or [`NONE`].
+        pub current: u32,
+        /// Whether the controller's voltage is bounded.
+        pub saturates: bool,
+        /// Whether the current's rate is.
+        pub rises: bool,
+        /// Whether its magnets pull it to certain angles.
+        pub cogs: bool,
+        real:
+        /// Resistance, ohm.
+        pub resistance: T,
+        /// Torque per current, voltage per velocity.
+        pub constant: T,
+        /// What resistance gains with temperature, per kelvin, and how warm the air is beyond where the resistance is told.
+        pub warming: [T; 2],
+        /// Temperature per energy, K/J, and the share of it that is lost in a unit of time.
+        pub heating: [T; 2],
+        /// Bound of the controller's voltage.
+        pub most_voltage: T,
+        /// Reciprocal of the time constant of the current, and what the current gains in a step per unit of its rate.
+        pub electric: [T; 2],
+        /// Bound of the current's rate.
+        pub most_rise: T,
+        /// Torque of the magnets: amplitude, periods per length, phase.
+        pub cogging: [T; 3],
+        /// Stiffness and damping of bristles.
+        pub bristles: [T; 2],
+        /// Friction of a moving motor, what it has more at rest, and the reciprocal of the velocity at which that fades.
+        pub friction: [T; 3],
+    } T
+}
+
+table! {
+    /// A servo on an orientation: three actuators, one for each axis, that are told together where to turn.
+    pub struct Servo {
+        /// The first of them.
+        pub first: u32,
+        /// The first of its controls: a rotation vector, or a quaternion.
+        pub ctrl: u32,
+        /// Whether it is a quaternion.
+        pub quaternion: bool,
+        /// Whether its torque is bounded.
+        pub bounded: bool,
+        real:
+        /// Largest torque, whatever its direction.
+        pub most: T,
+    } T
+}
+
+table! {
+    /// An actuator, or one of the three of a servo: force = gain·control + bias, or gain·activation + bias.
     pub struct Actuator {
         /// What it acts on.
         pub transmission: Transmission,
@@ -116,8 +216,16 @@ table! {
         pub gain_affine: bool,
         /// Whether there is a bias.
         pub bias_affine: bool,
-        /// Whether the control is clamped.
-        pub ctrl_limited: bool,
+        /// Its control, in [`Model::controls`](super::Model::controls); of several the first.
+        pub ctrl: u32,
+        /// What it does with several, in [`Model::controllers`](super::Model::controllers), or [`NONE`].
+        pub controller: u32,
+        /// MuJoCo's number of it.
+        pub id: u32,
+        /// The servo whose it is, in [`Model::servos`](super::Model::servos), or [`NONE`].
+        pub servo: u32,
+        /// What it is if it is a motor, in [`Model::motors`](super::Model::motors), or [`NONE`].
+        pub motor: u32,
         /// Whether the force is clamped.
         pub force_limited: bool,
         /// Whether its group is disabled: no force.
@@ -147,8 +255,6 @@ table! {
         pub gain: [T; 3],
         /// Bias: constant, per length, per velocity.
         pub bias: [T; 3],
-        /// Bounds of the control.
-        pub ctrl_range: [T; 2],
         /// Bounds of the force.
         pub force_range: [T; 2],
         /// Of a filter, 1/τ; of a muscle, its time constants of activation and deactivation, and the reciprocal of the width over
@@ -162,8 +268,13 @@ table! {
 }
 
 impl<T> Actuator<T> {
+    /// Whether its force is none that grows in proportion to length and velocity.
+    fn is_nonlinear(&self) -> bool {
+        self.muscle_gain != NONE || self.muscle_bias != NONE || self.motor != NONE
+    }
+
     /// Whether its force may follow its length or its velocity.
     pub fn follows(&self) -> bool {
-        !self.disabled && (self.gain_affine || self.bias_affine || self.muscle_gain != NONE || self.muscle_bias != NONE)
+        !self.disabled && (self.gain_affine || self.bias_affine || self.is_nonlinear())
     }
 }

@@ -11,6 +11,7 @@ mod cast;
 mod heights;
 mod hull;
 mod pattern;
+mod rings;
 mod sensors;
 mod strips;
 mod tables;
@@ -25,6 +26,7 @@ pub use cast::{Cast, Representable};
 pub use heights::HeightField;
 pub use hull::{Hull, HullFace};
 pub use pattern::{Pattern, Rows};
+pub use rings::{Interpolation, Ring};
 pub use sensors::{Bound, ContactField, Ray, RayField, Reduce, Sensor, SensorKind, Side, Surface, Target};
 pub use strips::{Crossing, LONGEST, Strips};
 pub use tables::*;
@@ -67,6 +69,12 @@ pub struct Sizes {
     pub nv: usize,
     /// Controls.
     pub nu: usize,
+    /// Forces of actuators.
+    pub nout: usize,
+    /// Motors.
+    pub nmotor: usize,
+    /// Servos on orientations.
+    pub nservo: usize,
     /// Actuator moments: the sum of the degrees of freedom on which actuators act.
     pub nmoment: usize,
     /// Activations.
@@ -117,7 +125,15 @@ pub struct Sizes {
     pub nsleep: usize,
     /// Trees of which the guard keeps books; 0 without the option `guard`.
     pub nguard: usize,
-    /// Low words of time and positions, 1 + `nq`, in single precision, else 0.
+    /// Numbers of the histories of actuators and sensors.
+    pub nhistory: usize,
+    /// Numbers of where springs rest that yield.
+    pub nplastic: usize,
+    /// Controls of a model in which some act late, else 0.
+    pub ndelayed: usize,
+    /// Numbers of the sensors of a model in which some have a history, else 0.
+    pub nmeasured: usize,
+    /// Low words of time, positions and histories, 1 + `nq` + `nhistory`, in single precision, else 0.
     pub nlow: usize,
     /// Tendons.
     pub ntendon: usize,
@@ -235,8 +251,24 @@ pub struct Model<T> {
     pub eq_active0: Vec<T>,
     /// Dry friction, in the order of dofs, then of tendons; empty if the flag `frictionloss` or `constraint` is off.
     pub friction_losses: Vec<FrictionLoss<T>>,
+    /// Where springs rest at first that yield (see [`State::plastic`](crate::state::State::plastic)).
+    pub plastic0: Vec<T>,
+    /// Histories of actuators' controls.
+    pub ctrl_rings: Vec<Ring>,
+    /// Histories of sensors.
+    pub sensor_rings: Vec<Ring>,
+    /// Histories at first (see [`State::history`](crate::state::State::history)).
+    pub history0: Vec<T>,
     /// Actuators.
     pub actuators: Vec<Actuator<T>>,
+    /// Their controls.
+    pub controls: Vec<Control<T>>,
+    /// What they do with several.
+    pub controllers: Vec<Controller<T>>,
+    /// Those that turn something to an orientation.
+    pub servos: Vec<Servo<T>>,
+    /// Those that are motors.
+    pub motors: Vec<Motor<T>>,
     /// Frames on which they act, and that sensors are about.
     pub mounts: Vec<Mount<T>>,
     /// Degrees of freedom on which they act.
@@ -265,7 +297,7 @@ pub struct Model<T> {
     pub mean_inertia: T,
     /// Positions in the reference configuration, length nq.
     pub qpos0: Vec<T>,
-    /// What rounding took from time 0 and these (see [`State::low`](crate::state::State::low)).
+    /// What rounding took from time 0, these and the histories (see [`State::low`](crate::state::State::low)).
     pub low0: Vec<T>,
     /// Trees of a model in which trees may sleep, else empty.
     pub sleepers: Vec<Sleeper>,
@@ -361,7 +393,7 @@ impl<T> Model<T> {
 impl<T: Real, U: Real> Cast<U> for Model<T> {
     type Out = Model<U>;
     fn cast(&self) -> Model<U> {
-        let low0 = low::remainders(&self.qpos0);
+        let low0 = low::remainders(self.qpos0.iter().chain(&self.history0));
         Model {
             sizes: Sizes { nlow: low0.len(), ..self.sizes.clone() },
             options: self.options.clone(),
@@ -390,6 +422,10 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             eq_active0: self.eq_active0.cast(),
             friction_losses: self.friction_losses.cast(),
             actuators: self.actuators.cast(),
+            controls: self.controls.cast(),
+            controllers: self.controllers.cast(),
+            motors: self.motors.cast(),
+            servos: self.servos.cast(),
             mounts: self.mounts.cast(),
             moment_dofs: self.moment_dofs.clone(),
             muscles: self.muscles.cast(),
@@ -408,6 +444,10 @@ impl<T: Real, U: Real> Cast<U> for Model<T> {
             sleepers: self.sleepers.clone(),
             sleep_lengths: self.sleep_lengths.cast(),
             tree_rest0: self.tree_rest0.cast(),
+            plastic0: self.plastic0.cast(),
+            ctrl_rings: self.ctrl_rings.clone(),
+            sensor_rings: self.sensor_rings.clone(),
+            history0: self.history0.cast(),
             gravity: self.gravity.cast(),
             potential_still: self.potential_still.cast(),
         }

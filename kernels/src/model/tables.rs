@@ -84,6 +84,8 @@ table! {
         pub anchored: bool,
         /// Whether any stiffness is not zero.
         pub spring: bool,
+        /// Where its spring rests among [`State::plastic`](crate::state::State::plastic), if it yields, or [`NONE`].
+        pub plastic: u32,
         /// Whether gravity compensation of this joint's dofs counts as an actuator force.
         pub actuator_gravcomp: bool,
         /// Whether the total actuator force is bounded.
@@ -99,6 +101,8 @@ table! {
         pub qpos_spring: [T; 7],
         /// Coefficients of the spring force.
         pub stiffness: [T; 3],
+        /// How far its spring is stretched before it yields.
+        pub springyield: T,
         /// Bounds on the total actuator force.
         pub force_range: [T; 2],
     } T

@@ -15,6 +15,8 @@ table! {
         pub cross: bool,
         /// Whether any stiffness is not zero.
         pub spring: bool,
+        /// Where its spring rests among [`State::plastic`](crate::state::State::plastic), if it yields, or [`NONE`](super::NONE).
+        pub plastic: u32,
         /// Whether any damping is not zero.
         pub damped: bool,
         /// Whether `damping[1..]` are zero.
@@ -28,6 +30,8 @@ table! {
         pub rest: [T; 2],
         /// Coefficients of the spring force.
         pub stiffness: [T; 3],
+        /// How far its spring is stretched before it yields.
+        pub springyield: T,
         /// Coefficients of the damper force.
         pub damping: [T; 3],
         /// Inertia against changes of its length.

@@ -22,7 +22,7 @@ use crate::options::Integrator;
 use crate::solver::{Arrival, Problem, Solver, SolverWork, Tile, Trial, Whitened, Work, contact, noslip, pgs};
 use crate::stage::{Stage, Start};
 use crate::workspace::Workspace;
-use crate::{collision, constraint, energy, integration, kick, sensor, smooth, solver};
+use crate::{actuation, collision, constraint, energy, integration, kick, sensor, smooth, solver};
 
 /// A part, and which of its kind: options as bits, or the number of a class of pairs or kind of contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -146,7 +146,7 @@ parts! {
         |_, step, _, _| {
             let Workspace { position, tendons, inertia, energy, .. } = &mut *step.ws;
             let stages = energy::Stages { position, tendons, inertia };
-            energy::energy(step.model, stages, &step.state.qpos, &step.state.qvel, energy);
+            energy::energy(step.model, stages, step.state, energy);
         };
     /// [`sensor::measure`].
     Sensor: "sensor", Sensor, WHOLE, 0 => 0, shared [], changes ["sensor"],
@@ -404,7 +404,7 @@ parts! {
             } else {
                 integration::euler(*model, (position, inertia), state.positions(), &state.qvel, qacc, forces, next);
             }
-            integration::activations(model, &state.act, &actuation.act_dot, &mut next.act);
+            actuation::activations(model, &state.act, (&actuation.act_dot, &actuation.bent), &mut next.act);
             let good = integration::commit(*model, next, [qacc, &acceleration.qacc_smooth], alive, state);
             if let Some(kick) = kick.as_deref_mut().filter(|_| model.sizes.nguard > 0) {
                 kick::book(*model, (position, inertia), &next.qvel, kick);
@@ -416,7 +416,7 @@ parts! {
     /// [`integration::replace`]: worlds that go on.
     Combine: "rk4", Integration, Family::Options(4), 1 => 1, shared [Quantity::Zero],
         changes ["between.time", "between.qpos", "between.low", "between.qvel", "between.act", "between.qacc_warmstart", "rates.rate", "rates.rates",
-            "rates.qaccs", "rates.act_dots", "integration.qpos", "integration.low", "integration.qvel",
+            "rates.qaccs", "rates.act_dots", "rates.bristles", "integration.qpos", "integration.low", "integration.qvel",
             "integration.act", "integration.qacc", "state.qpos", "state.qvel", "state.act", "state.qacc_warmstart", "state.time",
             "state.low"],
         |part, step, _, (good, put)| {
@@ -424,8 +424,8 @@ parts! {
             let Workspace { actuation, acceleration, solver, integration: next, rk4, .. } = &mut **ws;
             let Some(rk4) = rk4 else { return };
             let accelerations = [&solver.fields.qacc[..], &acceleration.qacc_smooth];
-            let (number, act_dot) = (part.of as usize, &actuation.act_dot[..]);
-            let good = rk4.take(model, number, (accelerations, act_dot), state, good, next);
+            let (number, rates) = (part.of as usize, [&actuation.act_dot[..], &actuation.bent]);
+            let good = rk4.take(model, number, (accelerations, rates), state, good, next);
             if number + 1 == Rk4::<L>::PARTS {
                 // An acceleration on the way counts by the states to which it leads.
                 integration::replace(*model, next, accelerations, good, state);

@@ -286,7 +286,8 @@ groups! {
 impl Group {
     /// Fields that a bit of a set stands for.
     const fn run(self) -> usize {
-        if matches!(self, Group::Varied | Group::Between | Group::Rates) { 6 } else { 3 }
+        use Group::{Between, Dual, Equality, Rates, Sensor, Varied};
+        if matches!(self, Varied | Sensor | Equality | Dual | Between | Rates) { 6 } else { 3 }
     }
 
     /// Number of its first field.

@@ -2,8 +2,11 @@
 
 pub mod ellipsoid;
 pub mod fluid;
+mod plastic;
 mod tendons;
 
+pub(crate) use plastic::joint_rest;
+pub use plastic::yield_springs;
 pub use tendons::{tendon_damper_slope, tendon_spring_energy, tendon_spring_slope, tension};
 
 use crate::fields::fields;
@@ -14,6 +17,7 @@ use crate::math::tree;
 use crate::math::vec3::{build, cross, mul_add, norm, scale};
 use crate::model::{Instance, Joint, JointKind};
 use crate::position::Position;
+use crate::state::State;
 use crate::tendon::Tendons;
 use crate::velocity::Velocity;
 
@@ -40,14 +44,13 @@ pub struct Stages<'a, L> {
 pub fn passive<L: Lane>(
     model: Instance<'_, L>,
     Stages { position, tendons, velocity }: Stages<'_, L>,
-    qpos: &[L],
-    qvel: &[L],
+    State { qpos, qvel, plastic, .. }: &State<L>,
     passive: &mut Passive<L>,
 ) {
     passive.qfrc_passive.fill(L::zero());
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            spring(joint, &model.stiffness(j), qpos, &mut passive.qfrc_passive);
+            spring(joint, &model.stiffness(j), (qpos, plastic), &mut passive.qfrc_passive);
         }
     }
     if model.features.dampers {
@@ -55,7 +58,7 @@ pub fn passive<L: Lane>(
             passive.qfrc_passive[i] -= damper(model, i, qvel[i]);
         }
     }
-    tendons::add(&model, tendons, &mut passive.qfrc_passive);
+    tendons::add(&model, (tendons, plastic), &mut passive.qfrc_passive);
     fluid::add(model, position, velocity, &mut passive.qfrc_passive);
     ellipsoid::add(model, position, velocity, &mut passive.qfrc_passive);
     if model.features.gravcomp {
@@ -76,9 +79,8 @@ fn stiffness<L: Lane>([a, b, c]: &[L; 3], r: L) -> L {
 
 /// Rotation vector by which a ball (or the rotation of a free joint) is turned from its spring's rest, child frame.
 #[inline(always)]
-pub(crate) fn twist_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L], rest: usize) -> [L; 3] {
-    let s = &joint.qpos_spring;
-    let rest = build(|k| L::splat(s[rest + k]));
+pub(crate) fn twist_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L], rest: usize, plastic: &[L]) -> [L; 3] {
+    let rest = build(|k| joint_rest(joint, plastic, rest + k));
     quat::log(&quat::mul(&quat::conjugate(&rest), &quat::unit(&[q[0], q[1], q[2], q[3]])))
 }
 
@@ -89,7 +91,7 @@ pub(crate) fn shift_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L]) -> [L; 3
 }
 
 #[inline(always)]
-fn spring<L: Lane>(joint: &Joint<L::Real>, spring: &[L; 3], qpos: &[L], force: &mut [L]) {
+fn spring<L: Lane>(joint: &Joint<L::Real>, spring: &[L; 3], (qpos, plastic): (&[L], &[L]), force: &mut [L]) {
     let q = &qpos[joint.qpos as usize..];
     let out = &mut force[joint.dof as usize..];
     let mut pull = |at: usize, d: &[L; 3]| {
@@ -101,11 +103,11 @@ fn spring<L: Lane>(joint: &Joint<L::Real>, spring: &[L; 3], qpos: &[L], force: &
     match joint.kind {
         JointKind::Free => {
             pull(0, &shift_from_rest(joint, q));
-            pull(3, &twist_from_rest(joint, &q[3..], 3));
+            pull(3, &twist_from_rest(joint, &q[3..], 3, plastic));
         }
-        JointKind::Ball => pull(0, &twist_from_rest(joint, q, 0)),
+        JointKind::Ball => pull(0, &twist_from_rest(joint, q, 0, plastic)),
         JointKind::Slide | JointKind::Hinge => {
-            let x = q[0] - L::splat(joint.qpos_spring[0]);
+            let x = q[0] - joint_rest(joint, plastic, 0);
             out[0] -= stiffness(spring, x) * x;
         }
     }

@@ -1,5 +1,6 @@
 //! Springs and dampers along tendons.
 
+use super::plastic::tendon_rest;
 use super::stiffness;
 use crate::lane::Lane;
 use crate::math::vec3::splat;
@@ -7,22 +8,22 @@ use crate::model::{Features, Model, Tendon};
 use crate::tendon::{self, Tendons};
 
 /// Adds their forces.
-pub(super) fn add<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, force: &mut [L]) {
+pub(super) fn add<L: Lane>(model: &Model<L::Real>, (tendons, plastic): (&Tendons<L>, &[L]), force: &mut [L]) {
     let Features { springs, dampers, .. } = model.features;
     let acts = |tendon: &Tendon<L::Real>| springs && tendon.spring || dampers && tendon.damped;
     for t in (0..model.tendons.len()).filter(|t| acts(&model.tendons[*t])) {
-        tendon::pull(model, t, &tendons.jacobian, -tension(model, tendons, t), force);
+        tendon::pull(model, t, &tendons.jacobian, -tension(model, tendons, t, plastic), force);
     }
 }
 
-/// Tension of a tendon's spring and damper.
+/// Tension of a tendon's spring and damper; `plastic` is where springs rest that yield.
 #[inline(always)]
-pub fn tension<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, t: usize) -> L {
+pub fn tension<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, t: usize, plastic: &[L]) -> L {
     let Features { springs, dampers, .. } = model.features;
     let (tendon, rate) = (&model.tendons[t], tendons.velocity[t]);
     let mut tension = L::zero();
     if springs && tendon.spring {
-        let x = stretched(tendon, tendons.length[t]);
+        let x = stretched(tendon, tendons.length[t], plastic);
         tension = stiffness(&splat(&tendon.stiffness), x) * x;
     }
     if dampers && tendon.damped {
@@ -36,8 +37,8 @@ pub fn tension<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, t: usize) 
 
 /// How far a tendon's spring is from where it rests: longer, or shorter.
 #[inline(always)]
-fn stretched<L: Lane>(tendon: &Tendon<L::Real>, length: L) -> L {
-    let [low, high] = tendon.rest.map(L::splat);
+fn stretched<L: Lane>(tendon: &Tendon<L::Real>, length: L, plastic: &[L]) -> L {
+    let [low, high] = tendon_rest(tendon, plastic);
     let zero = L::zero();
     L::select(length.gt(high), length - high, L::select(length.lt(low), length - low, zero))
 }
@@ -55,17 +56,17 @@ pub fn tendon_damper_slope<L: Lane>(model: &Model<L::Real>, tendon: usize, rate:
 
 /// Derivative of a tendon's spring force by its length, a + 2 b x + 3 c x²; 0 where it rests.
 #[inline(always)]
-pub fn tendon_spring_slope<L: Lane>(tendon: &Tendon<L::Real>, length: L) -> L {
+pub fn tendon_spring_slope<L: Lane>(tendon: &Tendon<L::Real>, length: L, plastic: &[L]) -> L {
     let [a, b, c]: [L; 3] = splat(&tendon.stiffness);
-    let x = stretched(tendon, length);
+    let x = stretched(tendon, length, plastic);
     let slope = x.mul_add(x.mul_add(L::of(3.0) * c, b + b), a);
     L::select(x.eq(L::zero()), L::zero(), slope)
 }
 
 /// ½ a x² + b x³/3 + c x⁴/4 of a tendon's spring.
 #[inline(always)]
-pub fn tendon_spring_energy<L: Lane>(tendon: &Tendon<L::Real>, length: L) -> L {
+pub fn tendon_spring_energy<L: Lane>(tendon: &Tendon<L::Real>, length: L, plastic: &[L]) -> L {
     let [a, b, c]: [L; 3] = splat(&tendon.stiffness);
-    let x = stretched(tendon, length);
+    let x = stretched(tendon, length, plastic);
     x.mul_add(x.mul_add(c * L::of(0.25), b * L::of(1.0 / 3.0)), a * L::of(0.5)) * x * x
 }

@@ -71,7 +71,7 @@ pub(super) fn load<L: Lane>(
             load.add(&force, &torque, &place);
         }
     });
-    tendons::pushes(model, seen, |push| {
+    tendons::pushes(model, seen, seen.plastic, |push| {
         if carries(push.body) {
             let origin = if push.link == NONE { zero() } else { seen.position.origin_of(&model, push.link) };
             load.add(&neg(&lin(&push.wrench)), &neg(&rot(&push.wrench)), &sub(&origin, &load.base));

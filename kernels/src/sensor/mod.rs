@@ -40,6 +40,8 @@ fields! {
     pub struct Sensors(sizes) {
         /// Measures, sensor by sensor.
         pub data: Vec<L> = sizes.nsensordata,
+        /// The same before any of it is told late; of models whose sensors have histories.
+        pub measured: Vec<L> = sizes.nmeasured,
         /// By what the contacts of a sensor are sorted, one number of each of its places.
         pub keys: Vec<L> = sizes.nsensorkey,
         /// Acceleration of each link (angular, linear) at its tree's origin, that of gravity upwards in it; of models that measure
@@ -71,6 +73,8 @@ pub struct Stages<'a, L: Lane> {
 struct Seen<'a, L: Lane> {
     stages: Stages<'a, L>,
     energy: &'a Energy<L>,
+    /// Where springs rest that yield.
+    plastic: &'a [L],
     cacc: &'a [[L; 6]],
     quat: &'a [[L; 4]],
 }
@@ -92,14 +96,14 @@ pub fn measure<L: Lane>(
 ) {
     let Stages { position, tendons, inertia, velocity, solver, .. } = stages;
     if model.sensors.iter().any(|sensor| sensor.kind.of_energy()) {
-        energy::energy(model, energy::Stages { position, tendons, inertia }, &state.qpos, &state.qvel, energy);
+        energy::energy(model, energy::Stages { position, tendons, inertia }, state, energy);
     }
     let Sensors { data, cacc, quat, .. } = sensors;
     accelerate(model, &velocity.cacc, (&position.cdof, &solver.fields.qacc), cacc);
     if !quat.is_empty() {
         orientation::quaternions(&model, state.into(), 0..model.links.len() as u32, quat);
     }
-    let seen = Seen { stages, energy, cacc, quat };
+    let seen = Seen { stages, energy, plastic: &state.plastic, cacc, quat };
     for sensor in model.sensors.iter().filter(|sensor| !model.apart(sensor)) {
         match sensor.kind {
             SensorKind::Rangefinder => range(model, sensor, &seen, &|_| true, data),
@@ -134,8 +138,8 @@ pub fn measure_rows<L: LaneQuery>(
     sensors: &mut Sensors<L>,
 ) {
     use SensorKind as Kind;
-    let Sensors { data, keys, cacc, quat } = sensors;
-    let seen = Seen { stages, energy, cacc, quat };
+    let Sensors { data, keys, cacc, quat, .. } = sensors;
+    let seen = Seen { stages, energy, plastic: &state.plastic, cacc, quat };
     for sensor in model.sensors.iter().filter(|sensor| model.apart(sensor)) {
         let value = match sensor.kind {
             Kind::Rangefinder => {
@@ -204,6 +208,7 @@ fn value<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, state: &Stat
     let id = sensor.id as usize;
     let one = |x: L| [x, L::zero(), L::zero(), L::zero()];
     let three = |[x, y, z]: Vec3<L>| [x, y, z, L::zero()];
+    let some = |all: &[L]| [0, 1, 2, 3].map(|k: usize| all.get(k).copied().unwrap_or(L::zero()));
     let frame = || Frame::new(&model, position, sensor.mount);
     let reference = || (sensor.reference != NONE).then(|| Frame::new(&model, position, sensor.reference));
     match sensor.kind {
@@ -216,9 +221,9 @@ fn value<L: Lane>(model: Instance<'_, L>, sensor: &Sensor<L::Real>, state: &Stat
                 model.actuators.iter().zip(&actuation.force).filter(|(actuator, _)| actuator.tendon == sensor.id);
             one(pulling.fold(L::zero(), |sum, (_, force)| sum + *force))
         }
-        Kind::ActuatorPos => one(actuation.length[id]),
-        Kind::ActuatorVel => one(actuation.velocity[id]),
-        Kind::ActuatorFrc => one(actuation.force[id]),
+        Kind::ActuatorPos => some(&actuation.length[id..]),
+        Kind::ActuatorVel => some(&actuation.velocity[id..]),
+        Kind::ActuatorFrc => some(&actuation.force[id..]),
         // A model without actuators has no such forces.
         Kind::JointActuatorFrc => one(actuation.qfrc_actuator.get(id).copied().unwrap_or(L::zero())),
         Kind::BallQuat => {

@@ -20,10 +20,10 @@ pub struct Push<L> {
     pub wrench: Spatial<L>,
 }
 
-/// Calls `f` with what each spatial tendon does to bodies, piece by piece.
-pub fn pushes<L: Lane>(model: Instance<'_, L>, stages: &Stages<'_, L>, mut f: impl FnMut(Push<L>)) {
+/// Calls `f` with what each spatial tendon does to bodies, piece by piece; `plastic` is where springs rest that yield.
+pub fn pushes<L: Lane>(model: Instance<'_, L>, stages: &Stages<'_, L>, plastic: &[L], mut f: impl FnMut(Push<L>)) {
     for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| !tendon.fixed()) {
-        let force = along(model, t, stages);
+        let force = along(model, t, stages, plastic);
         for stretch in &model.stretches[tendon.stretches.range()] {
             let pulls = tendon::pulls(&model, stretch, stages.position);
             for ((body, link), pull) in stretch.bodies.into_iter().zip(stretch.links).zip(&pulls) {
@@ -36,9 +36,9 @@ pub fn pushes<L: Lane>(model: Instance<'_, L>, stages: &Stages<'_, L>, mut f: im
 }
 
 /// Force along a tendon, that of a push: of springs, dampers, actuators and rows, less what its armature takes.
-fn along<L: Lane>(model: Instance<'_, L>, t: usize, stages: &Stages<'_, L>) -> L {
+fn along<L: Lane>(model: Instance<'_, L>, t: usize, stages: &Stages<'_, L>, plastic: &[L]) -> L {
     let Stages { position, tendons, velocity, actuation, constraint, solver, .. } = stages;
-    let mut force = -passive::tension(&model, tendons, t);
+    let mut force = -passive::tension(&model, tendons, t, plastic);
     let driven = |a: &usize| model.actuators[*a].tendon as usize == t;
     // A model whose actuators are switched off has no such forces.
     for a in (0..actuation.force.len()).filter(driven) {

@@ -210,16 +210,16 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
     fn bounds(&self, visit: &Visit<'_>, cloud: &Cloud<L>) -> Bounds {
         let sizes = &self.tables.sizes;
         let first_control = 2 * sizes.nv + sizes.na;
-        let of = |(actuator, control): (_, &L)| {
+        let of = |(own, control): (_, &L)| {
             let mut lanes = [[true; 2]; LANES];
             if let Some(reach) = visit.reach {
                 let all = lanes.iter_mut().take(L::WIDTH).enumerate();
-                all.for_each(|(lane, own)| *own = sides(actuator, control.get(lane).to_f64(), reach));
+                all.for_each(|(lane, free)| *free = sides(own, control.get(lane).to_f64(), reach));
             }
             lanes
         };
         let controls = if visit.request.of == Of::Inverse { 0 } else { sizes.nu };
-        let sides = self.tables.actuators.iter().zip(&cloud.nominal.ctrl).take(controls).map(of).collect();
+        let sides = self.tables.controls.iter().zip(&cloud.nominal.ctrl).take(controls).map(of).collect();
         Bounds { first_control, first_force: first_control + sizes.nu, sides }
     }
 

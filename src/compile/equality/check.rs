@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::super::check::Element;
+use super::super::element::Element;
 use super::super::names::label;
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{Equality, Held, JointKind, Spec};

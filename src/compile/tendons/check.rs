@@ -2,7 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::super::check::Element;
+use lanesim_kernels::options::Integrator;
+
+use super::super::element::Element;
 use super::super::names::label;
 use crate::diagnostics::{Diagnostics, quoted};
 use crate::spec::{JointKind, Path, Shape, Spec, Tendon, Waypoint, is_limited};
@@ -28,10 +30,20 @@ pub(crate) fn check(spec: &Spec, diagnostics: &mut Diagnostics) {
     for (i, tendon) in spec.tendons.iter().enumerate() {
         let mut element = Element::new(label("tendon", &tendon.name, i), &tendon.source, diagnostics);
         numbers(tendon, spec.compiler.autolimits, &mut element);
+        yields(tendon, spec.option.integrator, &mut element);
         match &tendon.path {
             Path::Fixed(joints) => fixed(joints, &known, &mut element),
             Path::Spatial(points) => spatial(tendon, points, &known, &mut element),
         }
+    }
+}
+
+/// Refuses a spring that would have to yield by a length that no integrator of its kind knows.
+fn yields(tendon: &Tendon, integrator: Integrator, element: &mut Element) {
+    let between = matches!(integrator, Integrator::Rk4 | Integrator::Midpoint);
+    if tendon.springyield > 0.0 && between && matches!(tendon.path, Path::Spatial(_)) {
+        let message = format!("springyield along a path is not supported under integrator {integrator}");
+        element.refuse(message, "set integrator=\"implicitfast\"");
     }
 }
 
@@ -50,6 +62,7 @@ fn numbers(tendon: &Tendon, autolimits: bool, element: &mut Element) {
         element.refuse(format!("springlength is empty: {lo} {hi}"), "give springlength as shorter longer");
     }
     element.finite("stiffness", &tendon.stiffness);
+    element.not_negative("springyield", &[tendon.springyield]);
     element.finite("damping", &tendon.damping);
     element.not_negative("damping", &tendon.damping[..1]);
     element.not_negative("armature", &[tendon.armature]);

@@ -109,6 +109,8 @@ impl Tendons {
             stretches: span(first, self.stretches.len()),
             cross: joins(places.dofs, &dofs),
             spring: written.stiffness != [0.0; 3],
+            plastic: NONE,
+            springyield: written.springyield,
             damped: damping != [0.0; 3],
             damping_linear: damping[1..] == [0.0; 2],
             heavy: armature > 0.0,

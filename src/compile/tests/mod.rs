@@ -68,7 +68,9 @@ fn agrees(model: &Model, name: &str, expected: &[f64]) {
 #[test]
 fn nothing_at_all() {
     let model = model(&Spec::new(""));
-    assert_eq!(model.sizes()[..5], [("nq", 0), ("nv", 0), ("nu", 0), ("na", 0), ("nbody", 1)]);
+    for size in [("nq", 0), ("nv", 0), ("nu", 0), ("na", 0), ("nbody", 1)] {
+        assert!(model.sizes().contains(&size), "{size:?}");
+    }
     assert_eq!(model.tables_f32().links.len(), 0);
 }
 
@@ -214,7 +216,7 @@ fn damping_ratio_and_inherited_range() {
     assert!((kv[0] + 9.886162603921457).abs() < 1e-13 && (kv[1] + 9.941949534659543).abs() < 1e-13, "{kv:?}");
     agrees(&model, "actuator_acc0", &[0.39343439318420986, 0.4229667414481045]);
     agrees(&model, "actuator_ctrlrange", &[0.0, 0.4, 0.0, 0.0]);
-    assert!(model.tables().actuators[0].ctrl_limited && !model.tables().actuators[1].ctrl_limited);
+    assert!(model.tables().controls[0].limited && !model.tables().controls[1].limited);
 }
 
 #[test]

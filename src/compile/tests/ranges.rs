@@ -54,7 +54,7 @@ fn infinite_ranges_never_act() {
     assert_eq!(array("actuator_forcerange"), [-INF, INF]);
     assert_eq!(array("actuator_ctrlrange"), [0.0, INF]);
     assert_eq!(model.tables().limits[0].range, [-1e11, 0.5]);
-    assert!(!model.tables().actuators[0].force_limited && model.tables().actuators[0].ctrl_limited);
+    assert!(!model.tables().actuators[0].force_limited && model.tables().controls[0].limited);
     assert_eq!(model.control_range(0), [0.0, 2.0]);
     assert!(with("range='-inf inf'", "").tables().limits.is_empty());
     let bounded = with("actuatorfrcrange='-inf 3'", "<motor joint='j'/>");

@@ -68,7 +68,7 @@ fn bad_actuators() {
     check("<damper joint='j'/>", "1: damper: a damper needs a ctrlrange");
     check("<damper joint='j' ctrlrange='-1 1'/>", "1: damper: the ctrlrange of a damper must not be negative");
     let missing = |what: &str| format!("{what} not supported (a lenient load leaves it out)");
-    check("<dcmotor name='a' joint='j'/>", &missing("1: dcmotor \"a\": actuators of kind dcmotor are"));
+    check("<plugin name='a' joint='j'/>", &missing("1: plugin \"a\": actuators of kind plugin are"));
     check(
         "<motor slidersite='s'/>",
         "1: motor: nothing to act on (give joint, jointinparent, tendon, site, cranksite or body)",
@@ -85,8 +85,7 @@ fn bad_actuators() {
         "<motor cranksite='s'/>",
         "1: motor: a crank without a slide (give slidersite, along whose z axis the rod's end moves)",
     );
-    check("<dcmotor joint='j'/>", &missing("1: dcmotor: actuators of kind dcmotor are"));
-    check("<motor joint='j' delay='.1'/>", &missing("1: motor: attribute \"delay\": a delay is"));
+    check("<motor joint='j' nsample='-1'/>", "1: motor: nsample must not be negative (give 0 for none)");
 }
 
 #[test]

@@ -42,7 +42,7 @@ fn a_body_comes_with_what_is_about_it_alone() {
     assert_eq!(actuators, ["x_m", "x_n"]);
     let key = &spec.keys[0];
     assert_eq!((key.name.as_str(), key.time, key.parts.len()), ("x_up", 3.0, 2));
-    assert_eq!((&key.parts[1].qpos, &key.controls[1]), (&vec![2.0], &("x_n".to_string(), 0.2)));
+    assert_eq!((&key.parts[1].qpos, &key.controls[1]), (&vec![2.0], &("x_n".to_string(), vec![0.2])));
     assert!(spec.notes.iter().any(|note| note.contains("options of the attached model give way")), "{:?}", spec.notes);
 }
 

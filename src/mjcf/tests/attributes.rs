@@ -9,7 +9,6 @@ const SAVING: &str = "only for saving and attaching models";
 const USER: &str = "numbers for the user's own code, of which there is none here";
 const MEMORY: &str = "rooms are sized by the model";
 const MESHES: &str = "only for shapes of meshes, of which there is none in this test, and height fields";
-const DELAYS: &str = "only for delays, which are not built";
 const SPEED: &str = "only steers speed";
 
 /// Element (`*`: any, `default`: all in defaults), attributes, and why they have no effect.
@@ -36,8 +35,6 @@ const IDLE: &[(&str, &str, &str)] = &[
     ("geom", "fluidcoef", "only of ellipsoids in a medium (fluidshape)"),
     ("body", "simple", SPEED),
     ("custom numeric text tuple element", "*", USER),
-    ("*", "interp", DELAYS),
-    ("general motor position velocity intvelocity damper cylinder muscle adhesion", "nsample", DELAYS),
     ("model", "name", "a name, which acts through the elements that give it"),
     ("tactile", "*", "the element is reported as not supported"),
     ("damper", "ctrllimited", "the control of a damper is always limited"),
@@ -103,7 +100,9 @@ fn base(path: &[&str]) -> &'static [(&'static str, &'static str)] {
         "pair" => &[("geom1", "g"), ("geom2", "h")],
         "exclude" => &[("body1", "a"), ("body2", "world")],
         "general" => &[("joint", "j"), ("biastype", "affine"), ("gainprm", "2"), ("biasprm", "0 -2")],
-        "motor" | "position" | "velocity" | "intvelocity" | "cylinder" | "muscle" => &[("joint", "j")],
+        "motor" | "position" | "velocity" | "intvelocity" | "cylinder" | "muscle" | "pid" => &[("joint", "j")],
+        "dcmotor" => &[("joint", "j"), ("resistance", "1"), ("motorconst", "1")],
+        "orientation" => &[("joint", "j")],
         "damper" => &[("joint", "j"), ("ctrlrange", "0 1")],
         "adhesion" => &[("body", "a"), ("ctrlrange", "0 1")],
         _ => &[],
@@ -214,6 +213,8 @@ const VALUES: &[&str] = &[
     "affine",
     "none",
     "ellipsoid",
+    "cubic",
+    "quat",
     "vel pos",
     "pos",
     "vel",
@@ -232,6 +233,7 @@ fn speaks(error: &str) -> bool {
         "given",
         "is missing",
         "no asset is",
+        "that the actuator has",
     ]
     .iter()
     .any(|word| error.contains(word))

@@ -81,10 +81,8 @@ fn angles_of_joints() {
     assert_eq!(joint("type='free' limited='true'").limited, Tri::False);
     assert_eq!(joint("stiffness='1 2' damping='3'").stiffness, [1.0, 2.0, 0.0]);
     rejects(&world("<joint/>"), "1: joint: the world cannot have a joint (put it in a body)");
-    rejects(
-        &world("<body><joint springyield='1'/></body>"),
-        "1: joint: yielding springs (springyield) are not supported (a lenient load leaves it out)",
-    );
+    assert_eq!(joint("springyield='90'").springyield, 0.5 * PI);
+    assert_eq!(joint("type='slide' springyield='90'").springyield, 90.0);
 }
 
 #[test]

@@ -56,18 +56,14 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
         rejects(&text, &format!("1: {what} not supported (a lenient load leaves it out)"));
         assert_eq!(lenient(&text).losses, [format!("line 1: {what} not supported, left out")]);
     };
-    let several = "an actuator with several inputs is";
-    check("<general joint='j' velrange='-1 1'/>", &format!("general: attribute \"velrange\": {several}"));
-    check("<general joint='j' ffrange='-1 1'/>", &format!("general: attribute \"ffrange\": {several}"));
-    check("<general joint='j' gaintype='dcmotor'/>", "general: gaintype \"dcmotor\" is");
+    check("<general joint='j' gaintype='user'/>", "general: gaintype \"user\" is");
     check("<general joint='j' biastype='user'/>", "general: biastype \"user\" is");
     check("<general joint='j' dyntype='user'/>", "general: dyntype \"user\" is");
-    check("<motor joint='j' delay='.1'/>", "motor: attribute \"delay\": a delay is");
-    check(
-        "<general joint='j' input='pos vel'/>",
-        "general: attribute \"input\": an actuator with the inputs \"pos vel\" is",
-    );
     let text = |actuator: &str| with_joint(&format!("<actuator>{actuator}</actuator>"));
+    rejects(
+        &text("<general joint='j' input='pos vel'/>"),
+        "1: general: attribute \"input\": \"pos vel\" is none that the actuator has (valid: pos, vel, pressure)",
+    );
     rejects(
         &text("<general joint='j' input='pso'/>"),
         "1: general: attribute \"input\": \"pso\" is unknown (did you mean \"pos\"?)",
@@ -81,7 +77,7 @@ fn attributes_of_actuators_that_are_not_built_are_named() {
 #[test]
 fn sensors_go_with_what_they_are_about() {
     let text = with_joint(
-        "<actuator><dcmotor name='a' joint='j'/></actuator>\
+        "<actuator><plugin name='a' joint='j'/></actuator>\
          <sensor><actuatorfrc actuator='a'/><tactile geom='g' mesh='m'/><clock/></sensor>",
     );
     let spec = lenient(&text);

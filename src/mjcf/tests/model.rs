@@ -148,7 +148,7 @@ fn overrides() {
 fn losses() {
     let text = with_joint(
         "<equality><flex name='t'/></equality><sensor><clock/></sensor>\
-         <actuator><dcmotor name='a' joint='j'/><motor name='b' joint='j'/></actuator>\
+         <actuator><plugin name='a' joint='j'/><motor name='b' joint='j'/></actuator>\
          <worldbody><geom name='v' type='sdf'/><camera/><light/></worldbody>\
          <contact><pair geom1='v' geom2='g'/></contact><keyframe><key ctrl='1 2' act='3'/></keyframe>",
     );
@@ -157,7 +157,7 @@ fn losses() {
         spec.losses,
         [
             "line 1: flex \"t\": this kind of equality constraint is not supported, left out",
-            "line 1: dcmotor \"a\": actuators of kind dcmotor are not supported, left out",
+            "line 1: plugin \"a\": actuators of kind plugin are not supported, left out",
             "line 1: geom \"v\": signed distance fields are not supported, left out with its contacts",
             "line 1: pair: geom \"v\" was left out, and so is this pair",
             "line 1: key: act left out with the actuators that it belongs to",

@@ -1,9 +1,6 @@
 //! Random models in random states: laws of mechanics, optimality of the solvers' answers, and bits that depend on nothing
 //! but the world. Seeds are fixed: every run tests the same models. A failing model is shrunk before it is printed.
 
-#[path = "../support/mod.rs"]
-mod support;
-
 mod contacts;
 mod recipe;
 mod trees;
@@ -12,7 +9,7 @@ use lanesim::outputs::Output;
 use lanesim::worlds::Field;
 use lanesim::{Model, Options, Worlds};
 use proptest::test_runner::{Config, RngSeed};
-use support::Random;
+use crate::support::Random;
 
 /// So many models, the same on every run.
 fn config(cases: u32) -> Config {

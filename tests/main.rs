@@ -1,0 +1,40 @@
+//! The tests of the library and the command line, as one program: each of its own would have the whole library to compile and to link.
+//! Apart are those of allocations (tests/allocation.rs), which count what the process asks for, and the fuzzer (tests/fuzz/).
+
+mod actuators;
+mod bitwise;
+mod bodies;
+mod cli;
+mod cloud;
+mod collision;
+mod equality;
+mod exact;
+mod goldens;
+mod guard;
+mod hashes;
+mod inverse;
+mod limits;
+mod midpoint;
+mod neighbours;
+mod optimise;
+mod parameters;
+mod physics;
+mod plan;
+mod precision;
+mod random;
+mod readme;
+mod robustness;
+mod rolls;
+mod rows;
+mod sensors;
+mod single;
+mod sleep;
+mod solvers;
+mod stages;
+mod steps;
+mod stress;
+mod subset;
+mod support;
+mod tidy;
+mod transition;
+mod worlds;
