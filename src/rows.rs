@@ -180,8 +180,16 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Writes the first `count` numbers from entry `at` on.
+    #[inline(always)]
+    pub(crate) fn put<const N: usize>(&mut self, at: usize, numbers: &[f64; N], count: usize) {
+        match self {
+            Rows::F64(x) if count == N => x[at..at + N].copy_from_slice(numbers),
+            _ => self.write(at, &numbers[..count]),
+        }
+    }
+
     /// Writes numbers from entry `at` on, or the list of row `at`.
-    #[inline]
     pub(crate) fn write(&mut self, at: usize, values: &[f64]) {
         match self {
             Rows::F64(x) => x[at..at + values.len()].copy_from_slice(values),

@@ -1,9 +1,9 @@
 //! Actuators beyond what the goldens hold: ranges of lengths, setpoints that turn, activations of worlds that stand still, and what is refused.
 
-use lanesim::model::ArrayData;
-use lanesim::{Backend, Field, Model, Parameter, Precision, Worlds};
 use crate::support;
 use crate::support::{agree, load, options, parse};
+use lanesim::model::ArrayData;
+use lanesim::{Backend, Field, Model, Parameter, Precision, Worlds};
 
 /// An arm whose muscles' ranges are found.
 fn arm(compiler: &str) -> String {

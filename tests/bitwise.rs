@@ -1,10 +1,10 @@
 //! A world's results are the same bits whatever its lane, its neighbours, the number of worlds and of threads, and the
 //! backend; and what happens to a world that is lost stays in that world.
 
+use crate::support::{Random, load, load_with};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, InstructionSet, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::state::Status;
-use crate::support::{Random, load, load_with};
 
 /// Different worlds; larger batches repeat them.
 const DIFFERENT: usize = 17;

@@ -1,11 +1,11 @@
 //! Outputs of bodies and points: velocities, accelerations and forces against MuJoCo's, Jacobians against MuJoCo's and against
 //! velocities; what they are of models that vary from world to world; and errors of what is asked for wrongly.
 
+use crate::support::golden::{Failures, Golden};
+use crate::support::{agree, load, options, parse};
 use lanesim::outputs::{Output, Point};
 use lanesim::{Backend, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
 use lanesim_kernels::options::Integrator;
-use crate::support::golden::{Failures, Golden};
-use crate::support::{agree, load, options, parse};
 
 const BODIES: [&str; 4] = ["cvel", "cacc", "cfrc_ext", "cfrc_int"];
 

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use lanesim::cloud::{self, Call, Costs, Found, Grid, How, Points, Scheme, Seen, Solving, Target};
+use crate::support::{copied, fails, load, moving, options};
+use lanesim::cloud::{self, Call, Costs, Follow, Found, Grid, How, Points, Scheme, Seen, Solving, Target};
 use lanesim::npz::{Array, Data};
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::{Backend, Field, Model, Options, Precision, Worlds};
-use crate::support::{copied, fails, load, moving, options};
 
 /// Models that touch the floor, have a free joint, activations, tendons; one without anything that is shared.
 const MODELS: [&str; 4] = ["zoo/ant", "zoo/hopper", "unit/muscle", "zoo/pendulums"];
@@ -121,7 +121,7 @@ fn first_differences_are_the_derivatives() {
         let mut rows = [nv * n, nv * sizes.nu, n + sizes.nu, n + sizes.nu, 1].map(|width| vec![0.0; 3 * width]);
         let scheme = Scheme { eps, ..Scheme::default() };
         let lent = rows.iter_mut().map(|x| Rows::F64(x)).collect();
-        worlds.derivatives_into(&target, &scheme, Solving::FixedWork, lent, (None, None)).unwrap();
+        worlds.derivatives_into(&target, &scheme, Solving::FixedWork, lent, Follow::default()).unwrap();
         let grid = Grid::new(&model, &target, None, (eps, true, false)).unwrap();
         let how = How { solving: Solving::FixedWork, reach: Some(grid.reach()), ..How::default() };
         let points = grid.points();
@@ -237,7 +237,7 @@ fn a_pendulum_has_the_hessian_of_its_formula() {
         let mut costs = Costs { count, of: &mut residual, gauss_newton };
         let scheme = Scheme { eps, centred, ..Scheme::default() };
         let options = with(Precision::F64, Backend::Auto, 1);
-        let call = Call { scheme, solving: Solving::Accurate, options: &options, progress: None };
+        let call = Call { scheme, solving: Solving::Accurate, options: &options, progress: None, times: None };
         let found = cloud::hessian(&model, &inputs, &Target::Acceleration, None, &mut costs, &call).unwrap();
         let found: BTreeMap<_, _> = found.into_iter().collect();
         let own = if gauss_newton { 1 } else { 2 };

@@ -1,10 +1,10 @@
 //! Equality constraints: per world, in loops that say things twice, with masses that vary, and what is refused.
 //! `tests/goldens.rs` and `tests/solvers.rs` hold their numbers against MuJoCo's.
 
-use lanesim::rows::Rows;
-use lanesim::{Backend, Field, Options, Parameter, Precision, Worlds};
 use crate::support;
 use crate::support::{load, load_with, options, parse};
+use lanesim::rows::Rows;
+use lanesim::{Backend, Field, Options, Parameter, Precision, Worlds};
 
 /// Bits of a field of one world.
 fn bits(worlds: &Worlds, field: Field, world: usize) -> Vec<u64> {

@@ -1,9 +1,9 @@
 //! Exact derivatives against differences that are extrapolated (Richardson), and the same bits however they are computed.
 
-use lanesim::cloud::{Method, Scheme, Solving, Target, Transition, accurate};
+use crate::support::{fails, load_with, moving, options};
+use lanesim::cloud::{Follow, Method, Scheme, Solving, Target, Transition, accurate};
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::{Backend, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
-use crate::support::{fails, load_with, moving, options};
 
 const EXACT: Scheme = Scheme { method: Method::Exact, eps: 1e-6, centred: true, sensors: false };
 
@@ -130,7 +130,7 @@ fn of(worlds: &mut Worlds, target: &Target<'_>, scheme: &Scheme) -> Vec<f64> {
     let size = |dims: &[usize]| count * dims.iter().product::<usize>();
     let mut found: Vec<Vec<f64>> = arrays.iter().map(|(_, dims, _)| vec![0.0; size(dims)]).collect();
     let rows = found.iter_mut().map(|rows| Rows::F64(rows)).collect();
-    worlds.derivatives_into(target, scheme, Solving::Accurate, rows, (None, None)).expect("derivatives");
+    worlds.derivatives_into(target, scheme, Solving::Accurate, rows, Follow::default()).expect("derivatives");
     found.truncate(matrices);
     found.concat()
 }
@@ -264,7 +264,7 @@ fn what_has_no_exact_derivatives_says_so() {
     let mut worlds = Worlds::new(&model, 1, &Options::default()).expect("a batch");
     let qacc = vec![0.0; model.tables().sizes.nv];
     let target = Target::Inverse(Strided { values: Values::F64(&qacc), offset: 0, stride: qacc.len() });
-    let found = worlds.derivatives_into(&target, &EXACT, Solving::Accurate, vec![], (None, None));
+    let found = worlds.derivatives_into(&target, &EXACT, Solving::Accurate, vec![], Follow::default());
     fails(found, "inverse dynamics of implicit steps (invdiscrete) have no exact derivatives yet");
     fails(refused("zoo/ant", "Euler", EXACT, Precision::F32), "exact derivatives are of double precision");
     fails(

@@ -5,11 +5,11 @@
 
 use std::collections::BTreeMap;
 
-use lanesim::model::ArrayData;
-use lanesim::{Backend, Options, Precision};
 use crate::support;
 use crate::support::golden::{Failures, Golden};
 use crate::support::{agree, all_models, options, repository};
+use lanesim::model::ArrayData;
+use lanesim::{Backend, Options, Precision};
 
 /// How far results may be from MuJoCo's, relative to the field's size.
 struct Tolerances {

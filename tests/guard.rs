@@ -1,10 +1,10 @@
 //! The guard: no world is lost to its own inertia, what it books is kept with the state, and where it has nothing to do it does nothing.
 
+use crate::support;
+use crate::support::{Random, fails, load_with, options};
 use lanesim::mjcf::LoadOptions;
 use lanesim::{Backend, Controls, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
 use lanesim_kernels::state::Status;
-use crate::support;
-use crate::support::{Random, fails, load_with, options};
 
 const INTEGRATORS: [&str; 5] = ["Euler", "implicitfast", "implicit", "discrete", "midpoint"];
 /// Ten links that swing undamped.

@@ -3,8 +3,8 @@
 
 use std::fmt::Write as _;
 
-use lanesim::{Backend, Controls, Precision, Rollout, Worlds};
 use crate::support::{load_with, options, repository};
+use lanesim::{Backend, Controls, Precision, Rollout, Worlds};
 
 const FILE: &str = "tests/goldens/hashes.txt";
 /// Two blocks in double precision, one and a part of one in single.

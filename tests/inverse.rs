@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use crate::support;
+use crate::support::golden::{Failures, Golden};
+use crate::support::{NOT_DISCRETE, Random, agree, all_models, fails, load, load_with, options};
 use lanesim::inverse::inverse;
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
-use crate::support;
-use crate::support::golden::{Failures, Golden};
-use crate::support::{NOT_DISCRETE, Random, agree, all_models, fails, load, load_with, options};
 
 const BACKENDS: [Backend; 3] = [Backend::Native, Backend::Wide, Backend::Scalar];
 /// Models that touch the floor, and themselves.

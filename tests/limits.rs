@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::support::{load, options};
 use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::{Backend, Error, Field, Model, Options, Parameter, Precision, Rollout, Worlds};
-use crate::support::{load, options};
 
 /// Free bodies with geoms of these attributes.
 fn free_bodies(count: usize, geom: &str) -> Model {

@@ -1,13 +1,13 @@
 //! Midpoint steps: their order, what they keep, what they bear, and what they refuse. The exact motion is that of Runge-Kutta steps that
 //! are far more accurate, or a closed formula.
 
+use crate::support;
+use crate::support::{load_with, options, parse, worst};
 use lanesim::eval::eval;
 use lanesim::mjcf::LoadOptions;
 use lanesim::npz::{Array, Data};
 use lanesim::{Backend, Field, Model, Precision, Worlds};
 use std::collections::BTreeMap;
-use crate::support;
-use crate::support::{load_with, options, parse, worst};
 
 const PENDULUM: &str = "<mujoco><worldbody><body><joint axis='0 1 0'/>
     <inertial pos='0 0 -.5' mass='1' diaginertia='.02 .02 .02'/></body></worldbody></mujoco>";

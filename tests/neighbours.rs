@@ -1,9 +1,9 @@
 //! No world changes another, whatever finite or other numbers it holds: every world of a batch, through resets, losses and
 //! states of any size, has the bits of the same world alone on the scalar backend. What frozen worlds say of themselves too.
 
+use crate::support::{Random, load, options, parse};
 use lanesim::rows::Rows;
 use lanesim::{Backend, Field, InstructionSet, Model, OnDiverge, Options, Precision, Worlds};
-use crate::support::{Random, load, options, parse};
 
 /// A ball over a floor, two pairs of geoms.
 const BALL: &str = "<mujoco><worldbody><geom type='plane' size='5 5 1'/>\

@@ -3,10 +3,10 @@
 
 use std::sync::atomic::AtomicBool;
 
+use crate::support::{Random, fails, load, load_with, parse};
 use lanesim::outputs::Output;
 use lanesim::rows::{Strided, Values};
 use lanesim::{Backend, Controls, Error, Field, InstructionSet, Model, Options, Parameter, Precision, Rollout, Worlds};
-use crate::support::{Random, fails, load, load_with, parse};
 
 /// Different sets of numbers; larger batches repeat them.
 const DIFFERENT: usize = 5;

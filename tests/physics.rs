@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
+use crate::support;
+use crate::support::golden::{Failures, Golden};
+use crate::support::{agree, assert_agree, options, parse};
 use lanesim::eval::eval;
 use lanesim::model::ArrayData;
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Field, Model, Precision, Worlds};
 use lanesim_kernels::options::Integrator;
-use crate::support;
-use crate::support::golden::{Failures, Golden};
-use crate::support::{agree, assert_agree, options, parse};
 
 fn worlds(model: &Model) -> Worlds {
     Worlds::new(model, 1, &options(Precision::F64, Backend::Wide)).expect("a batch")

@@ -1,9 +1,9 @@
 //! What a plan leaves out changes nothing that was asked for: minimal runs give the same bits as full ones.
 
+use crate::support::{Random, all_models, every_output, load, options};
 use lanesim::outputs::Output;
 use lanesim::plan::Plan;
 use lanesim::{Backend, Controls, Field, Model, Precision, Rollout, Worlds};
-use crate::support::{Random, all_models, every_output, load, options};
 
 const WORLDS: usize = 5;
 

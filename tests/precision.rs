@@ -1,9 +1,9 @@
 //! Single precision where numbers are far apart: low friction, stiff contacts, small bodies. Double precision, MuJoCo's figures
 //! and mechanics say what is right.
 
+use crate::support::{Random, load, load_with, options, parse};
 use lanesim::status::Status;
 use lanesim::{Backend, Controls, Field, Model, Parameter, Precision, Rollout, Worlds};
-use crate::support::{Random, load, load_with, options, parse};
 
 const WORLDS: usize = 20;
 const BACKENDS: [Backend; 3] = [Backend::Auto, Backend::Wide, Backend::Scalar];

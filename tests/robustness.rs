@@ -1,10 +1,10 @@
 //! What happens to a world stays in that world: bad states, policies, statuses, memory that nobody has.
 
+use crate::support;
+use crate::support::{load, load_with, options, parse};
 use lanesim::outputs::Output;
 use lanesim::status::{Element, Status};
 use lanesim::{Backend, Controls, Error, Field, Model, OnDiverge, Options, Precision, Rollout, StatusEvent, Worlds};
-use crate::support;
-use crate::support::{load, load_with, options, parse};
 
 /// Worlds of a batch: two full blocks and a half, in f64.
 const WORLDS: usize = 20;

@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use lanesim::npz::{self, Array};
-use lanesim::outputs::Output;
-use lanesim::{Backend, Controls, Field, Model, Precision, Rollout, Worlds};
 use crate::support;
 use crate::support::golden::Failures;
 use crate::support::{agree, load_with, options, parse, repository};
+use lanesim::npz::{self, Array};
+use lanesim::outputs::Output;
+use lanesim::{Backend, Controls, Field, Model, Precision, Rollout, Worlds};
 
 const NAMES: [&str; 5] = ["delays", "springyield", "controllers", "dcmotor", "orientation"];
 const INTEGRATORS: [&str; 5] = ["Euler", "RK4", "implicitfast", "implicit", "discrete"];

@@ -1,10 +1,10 @@
 //! Sensors against MuJoCo's, one by one; that nobody else pays for them; and errors of sensors that cannot be.
 
-use lanesim::mjcf::LoadOptions;
-use lanesim::{Backend, Model, Options, Precision, Rollout, Worlds};
 use crate::support;
 use crate::support::golden::{Failures, Golden};
 use crate::support::{agree, load, options, parse};
+use lanesim::mjcf::LoadOptions;
+use lanesim::{Backend, Model, Options, Precision, Rollout, Worlds};
 
 /// Every sensor of every model that has some, in its recorded states, judged by the largest number of its kind: a force may be what is
 /// left of larger ones.

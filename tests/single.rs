@@ -1,8 +1,8 @@
 //! Single precision keeps what matters: time, small steps far from zero, small bodies, what stands. Arithmetic that is exact,
 //! mechanics and double precision say what is right.
 
-use lanesim::{Backend, Field, Model, Precision, Worlds};
 use crate::support::{load, options, parse};
+use lanesim::{Backend, Field, Model, Precision, Worlds};
 
 const BACKENDS: [Backend; 3] = [Backend::Auto, Backend::Wide, Backend::Scalar];
 const INTEGRATORS: [&str; 5] = ["Euler", "RK4", "implicit", "implicitfast", "discrete"];

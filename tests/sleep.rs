@@ -1,8 +1,8 @@
 //! Trees that sleep: when they fall asleep and when they wake, as MuJoCo has it; what holds them; on every backend.
 
+use crate::support::{options, parse};
 use lanesim::mjcf::LoadOptions;
 use lanesim::{Backend, Field, Model, Precision, Worlds};
-use crate::support::{options, parse};
 
 /// Boxes on each other, a ball that falls on them, two slides that an equality constraint joins, a tree with an actuator, one that is
 /// to stay awake, and one that starts asleep in the air.

@@ -3,14 +3,14 @@
 
 use std::collections::BTreeMap;
 
+use crate::support;
+use crate::support::golden::Failures;
+use crate::support::{agree, load, options, repository};
 use lanesim::eval::eval;
 use lanesim::mjcf::LoadOptions;
 use lanesim::npz::{self, Array};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Model, Options, Precision, Rollout, Worlds};
-use crate::support;
-use crate::support::golden::Failures;
-use crate::support::{agree, load, options, repository};
 
 const CONES: [&str; 2] = ["pyramidal", "elliptic"];
 const DIMENSIONS: [u32; 4] = [1, 3, 4, 6];

@@ -1,6 +1,8 @@
 //! Stages of a step, one by one: each writes all that it promises whatever was there before, every lane type computes the
 //! same bits, and independent algorithms give the same numbers.
 
+use crate::support;
+use crate::support::{Random, all_models, assert_agree, load, load_with};
 use lanesim::Model;
 use lanesim::convex::SupportCollider;
 use lanesim_kernels::acceleration::articulated::{self, Scratch};
@@ -18,8 +20,6 @@ use lanesim_kernels::tendon::{self, Tendons};
 use lanesim_kernels::workspace::Workspace;
 use lanesim_kernels::{inertia, integration, position, step, velocity};
 use std::sync::Arc;
-use crate::support;
-use crate::support::{Random, all_models, assert_agree, load, load_with};
 use wide::{f32x16, f64x8};
 
 /// A state of one world.

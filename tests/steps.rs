@@ -1,5 +1,8 @@
 //! Steps of every integrator: against MuJoCo, against derivatives by differences, against closed solutions; and what is recorded of them.
 
+use crate::support;
+use crate::support::golden::{Failures, Golden};
+use crate::support::{NOT_DISCRETE, Random, agree, all_models, load, load_with, options, parse};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::derivative;
@@ -9,9 +12,6 @@ use lanesim_kernels::pipeline::{Run, Stages};
 use lanesim_kernels::state::{BlockStatus, State};
 use lanesim_kernels::step::evaluate;
 use lanesim_kernels::workspace::Workspace;
-use crate::support;
-use crate::support::golden::{Failures, Golden};
-use crate::support::{NOT_DISCRETE, Random, agree, all_models, load, load_with, options, parse};
 
 const INTEGRATORS: [&str; 4] = ["RK4", "implicitfast", "implicit", "discrete"];
 const PRECISIONS: [Precision; 2] = [Precision::F64, Precision::F32];

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use lanesim::cloud::{self, Call, Scheme, Solving, Target, Transition, accurate};
+use crate::support;
+use crate::support::{copied, fails, load, load_with, moving, options};
+use lanesim::cloud::{self, Call, Follow, Scheme, Solving, Target, Transition, accurate};
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::rows::{Rows, Strided, Values};
 use lanesim::status::Status;
 use lanesim::{Backend, Field, Model, Options, Precision, Rollout, Worlds};
 use lanesim_kernels::integration::{difference, displace};
-use crate::support;
-use crate::support::{copied, fails, load, load_with, moving, options};
 
 const INTEGRATORS: [&str; 6] = ["Euler", "implicitfast", "implicit", "RK4", "discrete", "midpoint"];
 /// Models that touch the floor and have a free joint, activations, tendons, equality constraints, sensors.
@@ -145,7 +145,7 @@ fn matrices(worlds: &mut Worlds, target: &Target<'_>) -> Vec<Vec<f64>> {
     let mut all: Vec<Vec<f64>> = arrays.iter().map(|(_, dims, _)| vec![0.0; dims.iter().product()]).collect();
     let rows = all.iter_mut().map(|rows| Rows::F64(rows)).collect();
     let call = (&Scheme::default(), Solving::Accurate);
-    worlds.derivatives_into(target, call.0, call.1, rows, (None, None)).expect("derivatives");
+    worlds.derivatives_into(target, call.0, call.1, rows, Follow::default()).expect("derivatives");
     all
 }
 
@@ -287,7 +287,8 @@ fn bad_input_is_refused() {
         ])
     };
     let run = |inputs: &BTreeMap<String, Array>, scheme: Scheme| {
-        let call = Call { scheme, solving: Solving::Accurate, options: &Options::default(), progress: None };
+        let call =
+            Call { scheme, solving: Solving::Accurate, options: &Options::default(), progress: None, times: None };
         cloud::transition(&model, inputs, &call)
     };
     assert_eq!(run(&states(start.clone()), Scheme::default()).expect("derivatives")[0].1.shape(), [1, 28, 28]);

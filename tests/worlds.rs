@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::support;
+use crate::support::{all_models, every_output, fails, load, load_with, options, parse};
 use lanesim::eval::eval;
 use lanesim::npz::{Array, Data};
 use lanesim::outputs::Output;
 use lanesim::{Backend, Controls, Field, Model, Options, Precision, Rollout, Worlds, noise};
 use lanesim_kernels::pipeline::Stage;
-use crate::support;
-use crate::support::{all_models, every_output, fails, load, load_with, options, parse};
 
 fn wide() -> Options {
     options(Precision::F64, Backend::Wide)

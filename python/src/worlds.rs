@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Instant;
 
-use lanesim::cloud::{self, Found, How, Method, Scheme, Solving};
+use lanesim::cloud::{self, Follow, Found, How, Method, Scheme, Solving};
 use lanesim::rows::{Rows, Strided};
 use lanesim::{Backend, Controls, Error, Field, OnDiverge, Options, Parameter, Plan, Precision, Reading, Rollout};
 use lanesim_kernels::state::Status;
@@ -353,7 +353,15 @@ impl Worlds {
         let (cancel, done, amount) = (AtomicBool::new(false), AtomicU64::new(0), worlds.nworld() as f64);
         let start = Instant::now();
         let short = pace.is_short(amount);
-        let work = || worlds.derivatives_into(&of, &scheme, solving, rows, (Some(&done), Some(&cancel)));
+        let work = || {
+            worlds.derivatives_into(
+                &of,
+                &scheme,
+                solving,
+                rows,
+                Follow { progress: Some(&done), cancel: Some(&cancel), times: None },
+            )
+        };
         let result =
             if short { py.detach(work) } else { watched(py, &cancel, |py| follow(py, &progress, &done), work)? };
         result.map_err(|e| raise(py, e))?;

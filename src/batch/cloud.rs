@@ -11,6 +11,7 @@ mod points;
 
 use std::ops::Range;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use lanesim_kernels::diagnosis;
 use lanesim_kernels::integration::displace;
@@ -28,7 +29,8 @@ use self::acting::Acting;
 use self::end::End;
 use super::{Batch, Crew, Job, Worker};
 use crate::block::Block;
-use crate::cloud::request::{Kind, Method, Of, Request, Scheme, Shape};
+use crate::cloud::request::{Method, Of, Request, Scheme, Shape};
+use crate::cloud::times::Kind;
 use crate::options::Tables;
 use crate::plan::Plan;
 use crate::rows::Rows;
@@ -240,7 +242,11 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         (cloud, worker): (&mut Cloud<L>, &mut Worker<L>),
     ) {
         let mut events = BlockStatus { alive, ..BlockStatus::default() };
+        let since = Instant::now();
         let alive = self.nominal_of(work, alive, (cloud, worker), &mut events);
+        if let Some(times) = work.request.times {
+            times.add(None, work.ids.len(), since.elapsed());
+        }
         if work.request.scheme.method == Method::Exact {
             cloud.rewind();
             cloud.exact(self.model.tables(), (work, alive), &worker.workspace, rows);
@@ -269,8 +275,12 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         for kind in work.shape.kinds() {
             let count = work.shape.columns(*kind).0;
             for first in (0..count).step_by(work.share) {
-                let columns = work.columns(first, count);
+                let (columns, since) = (work.columns(first, count), Instant::now());
                 self.columns_of(work, (*kind, &columns), alive, rows, (cloud, worker), events);
+                let columns = columns.iter().flatten().count();
+                if let Some(times) = work.request.times {
+                    times.add(Some(*kind), columns, since.elapsed());
+                }
             }
         }
     }

@@ -1,7 +1,7 @@
 //! `lanesim fd`: derivatives of steps.
 
 use clap::{Args, ValueEnum};
-use lanesim::cloud::{self, Call, Scheme, Solving, Target};
+use lanesim::cloud::{self, Call, Scheme, Solving, Target, Times};
 
 use super::destination::Destination;
 use super::engine::{self, Loaded};
@@ -49,6 +49,9 @@ pub struct Fd {
     /// Derivatives of sensors, too
     #[arg(long)]
     sensors: bool,
+    /// Print what a column of each kind takes
+    #[arg(long)]
+    times: bool,
     /// How constraints are solved
     #[arg(long, value_enum, default_value_t = How::Accurate)]
     solving: How,
@@ -79,7 +82,7 @@ impl Fd {
             Method::Fd => cloud::Method::Differences,
             Method::Exact => cloud::Method::Exact,
         };
-        let only = [("--eps", self.eps.is_some()), ("--centred", self.centred)];
+        let only = [("--eps", self.eps.is_some()), ("--centred", self.centred), ("--times", self.times)];
         if let (Method::Exact, Some((option, _))) = (self.method, only.iter().find(|(_, given)| *given)) {
             return Err(Failure::Usage(format!("{option} is of differences; leave it out, or the method exact")));
         }
@@ -99,13 +102,30 @@ impl Fd {
             How::FixedWork => Solving::FixedWork,
         };
         let progress = Progress::new("fd", "states", count as u64, false);
-        let call = Call { scheme, solving, options: &options, progress: Some(progress.counter()) };
+        let times = Times::default();
+        let counter = Some(progress.counter());
+        let call = Call { scheme, solving, options: &options, progress: counter, times: Some(&times) };
         let arrays = cloud::transition(&model, &inputs, &call);
         progress.finish();
         let mut arrays = arrays?;
         if !self.sensors {
             arrays.retain(|(name, _)| !["C", "D"].contains(&name.as_str()));
         }
+        if self.times {
+            print(&times)?;
+        }
         self.output.write(&arrays)
     }
+}
+
+/// Prints what a thread spends on a state, and on a column of each kind beside it.
+fn print(times: &Times) -> Result<(), Failure> {
+    let all = times.all();
+    let position = all.iter().find(|time| time.kind == "position").map(|time| time.each());
+    let rows = all.iter().map(|time| {
+        let (each, share) = (time.each(), position.map_or(0.0, |position| time.each() / position));
+        let share = if time.kind == "state" { String::new() } else { format!(", {share:.2} of a position's") };
+        (time.kind, format!("{:9.3} us each{share}", 1e6 * each))
+    });
+    output::table(&rows.collect::<Vec<_>>())
 }

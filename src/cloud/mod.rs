@@ -6,6 +6,7 @@ mod parameters;
 mod points;
 pub(crate) mod request;
 mod smoothing;
+pub(crate) mod times;
 pub(crate) mod visit;
 
 use std::collections::BTreeMap;
@@ -25,6 +26,7 @@ pub use self::points::{Found, How};
 pub use self::request::{Method, Scheme};
 use self::request::{Of, Request, Shape};
 pub use self::smoothing::Smoothing;
+pub use self::times::{Time, Times};
 pub use self::visit::Points;
 use crate::error::Error;
 use crate::field::Field;
@@ -181,7 +183,7 @@ impl Worlds {
     pub fn transition(&mut self, scheme: &Scheme) -> Result<Transition, Error> {
         let mut all = room(&self.model, &Target::Transition, scheme, self.nworld(), self.options.max_memory)?;
         let rows = all.iter_mut().map(|rows| Rows::F64(rows)).collect();
-        self.derivatives_into(&Target::Transition, scheme, Solving::FixedWork, rows, (None, None))?;
+        self.derivatives_into(&Target::Transition, scheme, Solving::FixedWork, rows, Follow::default())?;
         let mut all = all.into_iter();
         let mut next = || all.next().unwrap_or_default();
         Ok(Transition { a: next(), b: next(), c: next(), d: next(), sides: next(), changed: next(), status: next() })
@@ -200,8 +202,9 @@ impl Worlds {
         scheme: &Scheme,
         solving: Solving,
         rows: Vec<Rows<'_>>,
-        (progress, cancel): (Option<&AtomicU64>, Option<&AtomicBool>),
+        follow: Follow<'_>,
     ) -> Result<(), Error> {
+        let Follow { progress, cancel, times } = follow;
         scheme.check(self.options.precision)?;
         if scheme.method == Method::Exact {
             let missing = exact::missing(self.model.tables(), target.of().exact());
@@ -228,7 +231,7 @@ impl Worlds {
             }
         }
         let strict = solving == Solving::Accurate;
-        self.engine.cloud(&Request { of: target.of(), scheme: *scheme, qacc, strict, progress, cancel }, rows);
+        self.engine.cloud(&Request { of: target.of(), scheme: *scheme, qacc, strict, progress, cancel, times }, rows);
         if cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
             return Err(Error::Cancelled);
         }
@@ -281,6 +284,19 @@ pub struct Call<'a> {
     pub options: &'a Options,
     /// Counts the states that are done.
     pub progress: Option<&'a AtomicU64>,
+    /// Adds up what columns take.
+    pub times: Option<&'a Times>,
+}
+
+/// Who follows derivatives while they are taken.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Follow<'a> {
+    /// Counts the states that are done.
+    pub progress: Option<&'a AtomicU64>,
+    /// Ends it early once it is set.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Adds up what columns take.
+    pub times: Option<&'a Times>,
 }
 
 /// Derivatives of steps from many states, such as those of whole trajectories: arrays `qpos` and `qvel`, and of what else decides a step those that
@@ -331,7 +347,7 @@ fn many(
     target: &Target<'_>,
     call: &Call<'_>,
 ) -> Result<Vec<(String, Array)>, Error> {
-    let Call { scheme, solving, options, progress } = call;
+    let Call { scheme, solving, options, progress, times } = call;
     scheme.check(options.precision)?;
     let states = States::new(model, inputs, known)?;
     let qpos = inputs.get(Field::Qpos.name());
@@ -350,7 +366,8 @@ fn many(
         let rows = all.iter_mut().zip(&arrays).map(part).collect();
         let qacc = Strided { values: Values::F64(qacc), offset: here.start * nv, stride: nv };
         let target = if let Target::Inverse(_) = target { &Target::Inverse(qacc) } else { target };
-        worlds.derivatives_into(target, scheme, *solving, rows, (*progress, None))
+        let follow = Follow { progress: *progress, cancel: None, times: *times };
+        worlds.derivatives_into(target, scheme, *solving, rows, follow)
     })?;
     let joined = all.into_iter().zip(arrays).map(|(numbers, (name, dims, integers))| {
         let shape = states.leading.iter().copied().chain(dims).collect();

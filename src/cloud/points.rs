@@ -119,7 +119,7 @@ impl Worlds {
         let forces = of != Of::Inverse && points.all().iter().any(|(column, _)| *column >= first_force);
         // What is asked of differences does not matter.
         let scheme = Scheme { sensors: how.sensors, ..Scheme::default() };
-        let request = Request { of, scheme, qacc, strict, progress, cancel };
+        let request = Request { of, scheme, qacc, strict, progress, cancel, times: None };
         let order = order(&self.model, of, points, how.whole);
         let How { tangent, reach, .. } = *how;
         self.engine.points(&Visit { request, points, order, tangent, reach, widths, forces }, rows);

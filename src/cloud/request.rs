@@ -1,11 +1,12 @@
 //! What is asked of a cloud, and where its results go.
 
-use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
+use arrayvec::ArrayVec;
 use lanesim_kernels::exact;
 use lanesim_kernels::state::Status;
 
+use super::times::{Kind, Times};
 use crate::error::Error;
 use crate::model::Model;
 use crate::options::Precision;
@@ -63,17 +64,6 @@ impl Of {
     }
 }
 
-/// Columns that a cloud goes through together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Kind {
-    Position,
-    Velocity,
-    /// Activations, then controls.
-    Actuation,
-    /// Accelerations, of inverse dynamics.
-    Acceleration,
-}
-
 /// What is computed, and who follows it.
 pub(crate) struct Request<'a> {
     pub of: Of,
@@ -85,6 +75,8 @@ pub(crate) struct Request<'a> {
     /// Counts the worlds that are done.
     pub progress: Option<&'a AtomicU64>,
     pub cancel: Option<&'a AtomicBool>,
+    /// Adds up what columns take.
+    pub times: Option<&'a Times>,
 }
 
 impl Scheme {
@@ -130,28 +122,6 @@ pub(crate) struct Shape {
     nsensordata: usize,
 }
 
-/// Where some columns of slopes go in a matrix.
-pub(crate) struct Part {
-    /// Place of the matrix among the rows.
-    pub place: usize,
-    /// Its height, and its width.
-    pub height: usize,
-    pub width: usize,
-    /// Its first row among the slopes.
-    pub above: usize,
-    /// Column of the matrix in which the first of them is.
-    column: usize,
-    /// Which of the columns of slopes.
-    pub columns: Range<usize>,
-}
-
-impl Part {
-    /// Where it begins in the matrix of a world.
-    pub fn at(&self, world: usize) -> usize {
-        world * self.height * self.width + self.column
-    }
-}
-
 /// A matrix of derivatives: its name, what they are of, how many numbers that is, and its columns.
 type Matrix = (&'static str, usize, usize);
 
@@ -186,13 +156,28 @@ impl Shape {
     }
 
     /// The matrices, in the order in which they are among the rows.
-    fn matrices(&self) -> Vec<Matrix> {
+    fn matrices(&self) -> ArrayVec<Matrix, 4> {
         let (n, nv, nu, ns) = (2 * self.nv + self.na, self.nv, self.nu, self.nsensordata);
         match self.of {
-            Of::Transition => vec![("A", n, n), ("B", n, nu), ("C", ns, n), ("D", ns, nu)],
-            Of::Acceleration => vec![("A", nv, n), ("B", nv, nu)],
-            Of::Inverse => vec![("dq", nv, nv), ("dv", nv, nv), ("da", nv, nv)],
+            Of::Transition => ArrayVec::from([("A", n, n), ("B", n, nu), ("C", ns, n), ("D", ns, nu)]),
+            Of::Acceleration => ArrayVec::from_iter([("A", nv, n), ("B", nv, nu)]),
+            Of::Inverse => ArrayVec::from_iter([("dq", nv, nv), ("dv", nv, nv), ("da", nv, nv)]),
         }
+    }
+
+    /// Rows of the matrices without those of sensors.
+    pub fn height(&self) -> usize {
+        if self.of == Of::Transition { 2 * self.nv + self.na } else { self.nv }
+    }
+
+    /// Of the matrices without those of sensors: place among the rows, height, width, and the first of all columns.
+    pub fn by_columns(&self) -> impl Iterator<Item = [usize; 4]> {
+        let mut first = 0;
+        let there = self.matrices().into_iter().enumerate().filter(|(_, (name, ..))| !matches!(*name, "C" | "D"));
+        there.map(move |(place, (_, height, width))| {
+            first += width;
+            [place, height, width, first - width]
+        })
     }
 
     /// The arrays: name, a world's dimensions, and whether it is of integers.
@@ -220,36 +205,28 @@ impl Shape {
         count: usize,
         slope: impl Fn(usize, usize) -> f64,
     ) {
-        self.parts(column, count, |part| {
-            let Part { place, height, width, above, .. } = part;
-            rows[place].block((part.at(world), width), (height, part.columns.len()), |row, i| {
-                slope(above + row, part.columns.start + i)
-            });
-        });
-    }
-
-    /// Calls `put` with the parts of matrices that some columns go to which follow each other and are of one kind.
-    pub fn parts(&self, column: usize, count: usize, mut put: impl FnMut(Part)) {
         let (n, nv, nu, ns) = (2 * self.nv + self.na, self.nv, self.nu, self.nsensordata);
-        let mut put = |[place, height, above, width]: [usize; 4], column: usize, columns: Range<usize>| {
-            if !columns.is_empty() {
-                put(Part { place, height, width, above, column, columns });
-            }
+        // Of the place of a matrix, its height, its first row among the slopes, and its width.
+        let mut put = |[place, height, above, width]: [usize; 4], column: usize, before: usize, count: usize| {
+            let at = world * height * width + column;
+            rows[place].block((at, width), (if count > 0 { height } else { 0 }, count), |row, i| {
+                slope(above + row, before + i)
+            });
         };
         // Activations and controls are of one kind.
         let states = n.saturating_sub(column).min(count);
         let control = (column + states).saturating_sub(n);
         match self.of {
-            Of::Inverse => put([column / nv, nv, 0, nv], column % nv, 0..count),
+            Of::Inverse => put([column / nv, nv, 0, nv], column % nv, 0, count),
             Of::Acceleration => {
-                put([0, nv, 0, n], column, 0..states);
-                put([1, nv, 0, nu], control, states..count);
+                put([0, nv, 0, n], column.min(n), 0, states);
+                put([1, nv, 0, nu], control, states, count - states);
             }
             Of::Transition => {
-                put([0, n, 0, n], column, 0..states);
-                put([2, ns, n, n], column, 0..states);
-                put([1, n, 0, nu], control, states..count);
-                put([3, ns, n, nu], control, states..count);
+                put([0, n, 0, n], column.min(n), 0, states);
+                put([2, ns, n, n], column.min(n), 0, states);
+                put([1, n, 0, nu], control, states, count - states);
+                put([3, ns, n, nu], control, states, count - states);
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Points, and what a batch is told of them.
 
-use super::request::{Kind, Of, Request};
+use super::request::{Of, Request};
+use super::times::Kind;
 use crate::model::Model;
 
 /// States beside given ones, the same for each of them: a point is moved in some columns, each by a distance. Columns are numbered as those of

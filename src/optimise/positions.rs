@@ -10,7 +10,7 @@ use lanesim_kernels::model::{JointKind, NONE};
 use super::banded::Banded;
 use super::flight::{Flight, Trajectory, restart, row};
 use super::{End, Found, Problem, Row, Settings, Timing, Watch, ilqg, tangent};
-use crate::cloud::{Solving, Target};
+use crate::cloud::{Follow, Solving, Target};
 use crate::error::Error;
 use crate::field::Field;
 use crate::model::Model;
@@ -474,7 +474,7 @@ impl<'a> Inverse<'a> {
         let mut forces: Vec<Vec<f64>> =
             arrays.iter().map(|(_, dims, _)| vec![0.0; (steps + 1) * dims.iter().product::<usize>()]).collect();
         let rows = forces.iter_mut().map(|rows| Rows::F64(rows)).collect();
-        self.states.derivatives_into(&target, &scheme, Solving::FixedWork, rows, (None, None))?;
+        self.states.derivatives_into(&target, &scheme, Solving::FixedWork, rows, Follow::default())?;
         let mut slopes = Slopes { forces, c: Vec::new(), d: Vec::new(), widths: [0, 0] };
         if self.problem.cost.senses {
             let found = self.states.transition(&crate::cloud::Scheme { sensors: true, ..self.settings.scheme })?;

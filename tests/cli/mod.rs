@@ -293,6 +293,10 @@ fn fd_computes_derivatives() {
         2,
         "--eps is of differences",
     );
+    let times = succeeds(&["fd", ANT, "--states", &states, "--times", "-o", &out]);
+    for kind in ["state ", "position ", "velocity ", "actuation "] {
+        assert!(times.lines().any(|line| line.starts_with(kind) && line.contains(" us each")), "{times}");
+    }
     succeeds(&["fd", ANT, "--states", &states, "--sensors", "--solving", "fixed-work", "-o", &out]);
     assert!(npz::read(Path::new(&out)).unwrap().contains_key("C"));
     let run = |more: &[&str], states: &str, code: i32, message: &str| {

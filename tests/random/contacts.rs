@@ -6,8 +6,8 @@ use lanesim_kernels::options::Solver;
 use proptest::prelude::{TestCaseError, prop_assert, prop_assert_eq, prop_assume, proptest};
 
 use super::recipe::{HeapRecipe, heap};
-use crate::support::{Random, options};
 use super::{State, config, evaluate, forward, minus, norm, times, worlds};
+use crate::support::{Random, options};
 
 /// Worlds per model.
 const WORLDS: usize = 9;

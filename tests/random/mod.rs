@@ -5,11 +5,11 @@ mod contacts;
 mod recipe;
 mod trees;
 
+use crate::support::Random;
 use lanesim::outputs::Output;
 use lanesim::worlds::Field;
 use lanesim::{Model, Options, Worlds};
 use proptest::test_runner::{Config, RngSeed};
-use crate::support::Random;
 
 /// So many models, the same on every run.
 fn config(cases: u32) -> Config {

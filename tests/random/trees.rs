@@ -5,8 +5,8 @@ use lanesim::{Backend, Model, Precision};
 use proptest::prelude::{TestCaseError, prop_assert, prop_assert_eq, prop_assume, proptest};
 
 use super::recipe::{TreeRecipe, integrate, product, tree};
-use crate::support::{Random, agree, options};
 use super::{State, config, dot, evaluate, minus, norm, times, worlds};
+use crate::support::{Random, agree, options};
 
 /// Worlds per model: two blocks in double precision, the second with padding.
 const WORLDS: usize = 11;

@@ -45,6 +45,7 @@ pub(super) struct Held<L> {
 
 impl<L: Lane> Held<L> {
     /// That of a contact of a pair, whose links have the given velocities and parts of accelerations.
+    #[inline(always)]
     pub fn new(
         (model, dual): (Instance<'_, L>, Instance<'_, Tangent<L>>),
         position: &Position<L>,

@@ -9,7 +9,6 @@ use wide::f64x8;
 
 use super::{Cloud, Work};
 use crate::block::Block;
-use crate::cloud::request::Part;
 use crate::convex::SupportCollider;
 use crate::rows::Rows;
 
@@ -24,6 +23,8 @@ pub(super) struct Room {
     applied: Option<Applied<f64x8>>,
     varied: Option<Varied<f64x8>>,
     qacc: Vec<f64x8>,
+    /// All derivatives, rows first.
+    entries: Vec<f64x8>,
 }
 
 impl Room {
@@ -35,6 +36,7 @@ impl Room {
             applied: None,
             varied: None,
             qacc: vec![zero; model.sizes.nv],
+            entries: Vec::new(),
         }
     }
 
@@ -65,21 +67,24 @@ impl Room {
     }
 }
 
-/// Writes a part of the worlds' matrices, `None` in lanes without a world.
-fn write(to: &mut Rows<'_>, part: &Part, worlds: [Option<usize>; WIDTH], strip: &[Strip<f64x8>]) {
-    let mut at = worlds.map(|world| world.map(|world| part.at(world)));
-    for row in &strip[..part.height] {
-        // By world, the numbers of all columns.
-        let lanes = row.map(|lanes| (lanes + f64x8::from([0.0; WIDTH])).to_array());
-        let numbers: [[f64; STRIP]; WIDTH] = std::array::from_fn(|place| std::array::from_fn(|i| lanes[i][place]));
-        for (at, numbers) in at.iter_mut().zip(&numbers) {
-            let Some(at) = at else { continue };
-            if part.columns.len() == STRIP {
-                to.write(*at, numbers);
-            } else {
-                to.write(*at, &numbers[part.columns.clone()]);
+/// Writes a matrix of the worlds, `None` in lanes without a world: its height, width and first column among `entries`, whose rows have a given length.
+fn write(
+    to: &mut Rows<'_>,
+    worlds: [Option<usize>; WIDTH],
+    [height, width, first]: [usize; 3],
+    (entries, length): (&[f64x8], usize),
+) {
+    let mut at = worlds.map(|world| world.map(|world| world * height * width));
+    for row in entries.chunks_exact(length).take(height) {
+        for column in (0..width).step_by(STRIP) {
+            let (lanes, count) = (&row[first + column..][..STRIP], STRIP.min(width - column));
+            let lanes: Strip<_> = std::array::from_fn(|i| (lanes[i] + f64x8::from([0.0; WIDTH])).to_array());
+            let numbers: [[f64; STRIP]; WIDTH] = std::array::from_fn(|place| std::array::from_fn(|i| lanes[i][place]));
+            for (at, numbers) in at.iter_mut().zip(&numbers) {
+                let Some(at) = at else { continue };
+                to.put(*at, numbers, count);
+                *at += count;
             }
-            *at += part.width;
         }
     }
 }
@@ -101,7 +106,7 @@ impl<L: LaneQuery> Cloud<L> {
         let count = work.ids.len();
         for first in (0..count).step_by(WIDTH) {
             room.gather(model, (first, count - 1), (&self.block, qacc));
-            let Room { exact, state, applied, varied, qacc } = &mut **room;
+            let Room { exact, state, applied, varied, qacc, entries } = &mut **room;
             let collision = &workspace.collision;
             let given = Given {
                 state,
@@ -114,11 +119,17 @@ impl<L: LaneQuery> Cloud<L> {
             let instance = Instance { model, varied: varied.as_ref() };
             let lives = |place: usize| alive >> (first + place) & 1 != 0;
             let worlds = std::array::from_fn(|place| work.ids.get(first + place).copied().filter(|_| lives(place)));
-            exact.differentiate(of, instance, &given, &mut |column, columns, strip| {
-                work.shape.parts(column, columns, |part| {
-                    write(&mut rows[part.place], &part, worlds, &strip[part.above..]);
-                });
+            // First all of them in lanes: writing world by world goes at the pace of the memory, and faster without gaps.
+            let length = work.shape.all() + STRIP;
+            entries.resize(work.shape.height() * length, f64x8::from([0.0; WIDTH]));
+            exact.differentiate(of, instance, &given, &mut |column, _, strip| {
+                // What a strip has too much is overwritten by the next one, or beyond the last column.
+                let all = entries.chunks_exact_mut(length).zip(strip);
+                all.for_each(|(row, strip)| row[column..][..STRIP].copy_from_slice(strip));
             });
+            for [place, height, width, first] in work.shape.by_columns() {
+                write(&mut rows[place], worlds, [height, width, first], (entries, length));
+            }
             let edges = exact.edges(model);
             for (place, id) in worlds.into_iter().enumerate().filter_map(|(place, world)| Some((place, world?))) {
                 let edges = edges.get(place) as u32;
