@@ -167,14 +167,13 @@ class _Writer:
                 sleep=self._sleep(b),
             )
             elements.append(body)
-            if m.body_mass[b] > 0 or m.body_inertia[b].any():
-                body.add(
-                    "inertial",
-                    pos=m.body_ipos[b],
-                    quat=m.body_iquat[b],
-                    mass=m.body_mass[b],
-                    diaginertia=m.body_inertia[b],
-                )
+            body.add(
+                "inertial",
+                pos=m.body_ipos[b],
+                quat=m.body_iquat[b],
+                mass=m.body_mass[b],
+                diaginertia=m.body_inertia[b],
+            )
             for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
                 self._joint(body, j)
         for g in range(m.ngeom):
@@ -187,7 +186,6 @@ class _Writer:
     def _joint(self, body: Element, j: int) -> None:
         m, kind = self.m, int(self.m.jnt_type[j])
         dof, q, scalar = m.jnt_dofadr[j], m.jnt_qposadr[j], kind > 1
-        ranged = {} if kind == 0 else dict(range=m.jnt_range[j] if m.jnt_range[j].any() else None)
         body.add(
             "joint",
             name=self.name("joint", j),
@@ -211,7 +209,7 @@ class _Writer:
             actuatorfrcrange=m.jnt_actfrcrange[j] if m.jnt_actfrcrange[j].any() else None,
             actuatorgravcomp=True if m.jnt_actgravcomp[j] else None,
             group=m.jnt_group[j],
-            **ranged,
+            range=m.jnt_range[j] if m.jnt_range[j].any() else None,
         )
 
     def _geom(self, body: Element, g: int) -> None:

@@ -362,7 +362,7 @@ fn is_slider(scene: &Scene, links: &Links, b: usize) -> bool {
     slides && is_simple(scene, links, b)
 }
 
-/// Whether a body moves on the world, alone, along and about coordinate axes, and turns last, with its frame in its centre of mass and
+/// Whether a body moves on the world, or on a body of the world that stands still, alone, along and about coordinate axes, and turns last, with its frame in its centre of mass and
 /// along its principal axes. MuJoCo keeps only the diagonal of the inertia matrix of such bodies, and of what is added to it.
 pub(super) fn is_simple(scene: &Scene, links: &Links, b: usize) -> bool {
     const NEAR: f64 = 1e-6;
@@ -388,6 +388,7 @@ pub(super) fn is_simple(scene: &Scene, links: &Links, b: usize) -> bool {
         && joints.iter().all(along_axes)
         && before_last.iter().all(|j| j.spec.kind == spec::JointKind::Slide)
         && links.moving(body.parent) == NONE
+        && (body.parent == 0 || scene.bodies[body.parent].parent == 0)
         && frame.pos.abs().max_element() < NEAR
         && turned.abs().max_element() < NEAR
 }

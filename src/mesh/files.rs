@@ -86,7 +86,12 @@ fn stl(bytes: &[u8]) -> Result<Triangles, String> {
             None => "is not an STL file: it ends within the header".into(),
         });
     }
-    let read = stl_io::read_stl(&mut Cursor::new(bytes)).map_err(|error| format!("is not an STL file: {error}"))?;
+    // The reader takes such a file for text: its header says nothing that matters.
+    let mut plain = std::borrow::Cow::Borrowed(bytes);
+    if binary && bytes.starts_with(b"solid") {
+        plain.to_mut()[..header].fill(0);
+    }
+    let read = stl_io::read_stl(&mut Cursor::new(&*plain)).map_err(|error| format!("is not an STL file: {error}"))?;
     let face = |face: &stl_io::IndexedTriangle| face.vertices.map(|vertex| vertex as u32);
     if read.faces.len() > MOST {
         return Err(format!("has more than {MOST} triangles"));

@@ -65,6 +65,14 @@ fn every_format_holds_the_same_box() {
 }
 
 #[test]
+fn binary_files_may_begin_with_a_line_of_text() {
+    let mut bytes = stl(&cuboid());
+    bytes[..80].fill(b' ');
+    bytes[..8].copy_from_slice(b"solid a\n");
+    is_the_box(&Format::Stl.read(&bytes).expect("binary"));
+}
+
+#[test]
 fn ways_to_have_mass() {
     let mesh = cuboid();
     let volume = |mesh: &Triangles, how| bulk(mesh, how).map(|bulk| bulk.volume);

@@ -171,7 +171,7 @@ fn triangles(
         (_, true, true) => inline(&mut Reader::new(element, report)),
         (_, false, false) => {
             let format = format(&raw.file, &raw.content_type)?;
-            let bytes = assets.mesh(&raw.file)?;
+            let bytes = assets.mesh(&raw.file, element.source.file.as_deref())?;
             format.read(&bytes).map_err(|message| (format!("file {} {message}", quoted(&raw.file)), String::new()))?
         }
     };

@@ -23,6 +23,14 @@ pub struct Document {
     pub assets: Vec<Asset>,
 }
 
+impl Document {
+    /// A file that is not MJCF, by its name, or else by where it would be beside the file that includes its element.
+    pub(super) fn asset(&self, name: &str, beside: Option<&Path>) -> Option<&Asset> {
+        let named = |name: &str| self.assets.iter().find(|asset| asset.name == name);
+        named(name).or_else(|| named(&beside?.display().to_string()))
+    }
+}
+
 /// An included file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Include {

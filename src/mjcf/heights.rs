@@ -56,7 +56,7 @@ fn heights(
     if !file.is_empty() {
         let kind = reader.text("content_type").to_ascii_lowercase();
         let is_png = kind == "image/png" || (kind.is_empty() && file.to_ascii_lowercase().ends_with(".png"));
-        let bytes = assets.mesh(file)?;
+        let bytes = assets.mesh(file, element.source.file.as_deref())?;
         return RawHeights::read(&bytes, is_png)
             .map_err(|message| (format!("file {} {message}", quoted(file)), String::new()));
     }

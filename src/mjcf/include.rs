@@ -176,25 +176,34 @@ impl<'a, 'b> Assets<'a, 'b> {
         Assets { files, folder, strip, bytes: 0, record }
     }
 
-    /// The bytes of a mesh's file; the error is a message and a remedy.
-    pub fn mesh(&mut self, name: &str) -> Result<Vec<u8>, (String, String)> {
+    /// The bytes of a mesh's file, which the file `by` names if that was included: where there is none in the folder of meshes, it may be
+    /// beside that. The error is a message and a remedy.
+    pub fn mesh(&mut self, name: &str, by: Option<&str>) -> Result<Vec<u8>, (String, String)> {
         let name = name.replace('\\', "/");
         let last = if self.strip { name.rsplit('/').next().unwrap_or_default() } else { &name };
-        let name = match self.folder.replace('\\', "/") {
+        let mut name = match self.folder.replace('\\', "/") {
             folder if folder.is_empty() || last.starts_with('/') => last.to_string(),
             folder => format!("{}/{last}", folder.trim_end_matches('/')),
         };
+        let beside = by.and_then(|file| Path::new(file).parent()).map(|folder| folder.join(last));
         let (path, bytes) = match self.files {
             Files::Memory(files) => match given(files, &name) {
                 Some((key, bytes)) => (key.clone(), Ok(bytes.clone())),
                 None => (name.clone(), Err("no such file among those given".to_string())),
             },
-            Files::Recorded(document) => match document.assets.iter().find(|asset| asset.name == name) {
-                Some(asset) => (asset.path.clone(), Ok(asset.bytes.to_vec())),
+            Files::Recorded(document) => match document.asset(&name, beside.as_deref()) {
+                Some(asset) => {
+                    name.clone_from(&asset.name);
+                    (asset.path.clone(), Ok(asset.bytes.to_vec()))
+                }
                 None => (name.clone(), Err("no such file among those recorded".to_string())),
             },
             Files::Disk { folder, .. } => {
-                let path = folder.join(&name);
+                let mut path = folder.join(&name);
+                if let Some(beside) = beside.filter(|beside| !path.exists() && beside.exists()) {
+                    name = beside.display().to_string();
+                    path = beside;
+                }
                 (path.display().to_string(), read_bytes(&path, MOST_MESHES))
             }
         };

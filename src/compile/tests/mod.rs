@@ -111,6 +111,24 @@ fn jointless_bodies_ride_on_links() {
     assert_eq!((place.link, place.pos), (0, [3.0; 3]));
 }
 
+/// Figures of MuJoCo 4.0.0: a body that only slides weighs in every direction, unless it stands on several bodies that stand still.
+#[test]
+fn weights_of_a_slide_by_what_it_stands_on() {
+    let weight = |before: &str, after: &str| {
+        let body =
+            "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><joint type='slide' axis='0 0 1'/><geom size='.1'/>";
+        let text = format!("<mujoco><worldbody>{before}<body>{body}</body>{after}</worldbody></mujoco>");
+        let model = crate::Model::from_xml_string(&text, &Default::default()).expect("a model");
+        let array = model.array("body_invweight0").map(|array| array.data.clone());
+        let Some(crate::model::ArrayData::F64(weights)) = array else { panic!("no weights") };
+        weights[weights.len() - 2]
+    };
+    assert_eq!(weight("", ""), 1.0);
+    assert_eq!(weight("<body>", "</body>"), 1.0);
+    assert_eq!(weight("<body mocap='true'>", "</body>"), 1.0);
+    assert_eq!(weight("<body><body>", "</body></body>"), 1.0 / 3.0);
+}
+
 #[test]
 fn weights_of_a_ball_and_a_free_joint() {
     let motor = Actuator {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{LoadOptions, ok, parse, rejects, world};
-use crate::mjcf::{load, parse_with_files};
+use crate::mjcf::{Document, load, parse_with_files};
 use crate::spec::GeomMass;
 
 #[test]
@@ -179,6 +179,30 @@ fn includes_from_disk() {
 }
 
 /// A main file that is named without a folder has one all the same: a missing include is answered with its neighbour.
+/// As MuJoCo finds them: in the folder of meshes, or else beside the included file that names them, without that folder.
+#[test]
+fn files_of_included_elements_may_be_beside_them() {
+    let folder = std::env::temp_dir().join(format!("lanesim-beside-{}", std::process::id()));
+    std::fs::create_dir_all(folder.join("parts")).expect("a temporary folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("written");
+    let mesh = |x: f64| format!("v 0 0 0\nv {x} 0 0\nv 0 1 0\nv 0 0 1\n");
+    let geom = "<worldbody><geom type='mesh' mesh='a'/></worldbody>";
+    write("main.xml", &format!("<mujoco><include file='parts/i.xml'/>{geom}</mujoco>"));
+    write("parts/i.xml", "<mujocoinclude><asset><mesh name='a' file='a.obj'/></asset></mujocoinclude>");
+    write("parts/a.obj", &mesh(2.0));
+    let main = folder.join("main.xml");
+    let width = |path: &std::path::Path| {
+        let (document, spec) = Document::load(path, &LoadOptions::default()).expect("good");
+        let again = document.spec(&LoadOptions::default()).expect("recorded");
+        assert_eq!(spec.meshes[0].triangles.vertices, again.meshes[0].triangles.vertices);
+        spec.meshes[0].triangles.vertices.iter().map(|v| v.x).fold(0.0, f64::max)
+    };
+    assert_eq!(width(&main), 2.0);
+    write("a.obj", &mesh(3.0));
+    assert_eq!(width(&main), 3.0);
+    std::fs::remove_dir_all(&folder).expect("removed");
+}
+
 #[test]
 fn neighbours_of_includes_are_sought_without_a_folder() {
     // The tests run in the folder of the package.
