@@ -16,6 +16,9 @@ use super::support::Solid;
 
 /// Cosine of the largest angle between two sides that lie against each other.
 const FACE: f64 = 0.996;
+/// Least cosine of the angle between the contact normal and that of a side that an edge lies against, however deep it is beyond that. (Where
+/// shapes touch with an edge, one of the sides on either hand faces elsewhere; MuJoCo takes that, too, if the other shape is as near it.)
+const FACING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Most corners of what two sides share: each side of a convex polygon that clips adds one at most.
 const SHARED: usize = 2 * MOST;
 /// Corners less deep than the deepest by less than this, relative to the shapes' size, count as equally deep where one
@@ -65,7 +68,8 @@ pub(super) fn manifold(
     let size = solids.iter().map(|solid| solid.extent + solid.radius).sum();
     let dist = nearest.dist - solids[0].radius - solids[1].radius;
     let mut shared = Shared::new();
-    let faced = shared.sides(solids, nearest.normal, size) || shared.edge_and_side(solids, nearest.normal);
+    let faced = shared.sides(solids, nearest.normal, size)
+        || shared.edge_and_side(solids, nearest.normal, 2.0 * dist.min(0.0) - EQUAL * size);
     if !faced || shared.corners.is_empty() {
         let middle = edges_middle(solids, nearest.normal);
         middle.inspect(|at| add(dist, *at, nearest.normal));
@@ -127,8 +131,9 @@ impl Shared {
         (self.normal, self.on_first) = (-other.normal, true);
     }
 
-    /// What an edge shares with a side in whose plane it lies nearly; false if none does. The first shape's edges are tried first.
-    fn edge_and_side(&mut self, solids: &[Solid<'_>; 2], normal: DVec3) -> bool {
+    /// What an edge shares with a side in whose plane it lies nearly; false if none does. The first shape's edges are tried first. No side is
+    /// taken that faces elsewhere and beyond which the edge is deeper than `deepest`.
+    fn edge_and_side(&mut self, solids: &[Solid<'_>; 2], normal: DVec3, deepest: f64) -> bool {
         for (i, out) in [(0, normal), (1, -normal)] {
             let (edged, sided) = (&solids[i], &solids[1 - i]);
             let mut best: Option<([f64; 2], [DVec3; 2], Face<'_>)> = None;
@@ -149,6 +154,10 @@ impl Shared {
             if let Some((_, edge, face)) = best {
                 let side = face.place(sided);
                 self.clip_edge(edge, &side);
+                if side.normal.dot(-out) < FACING && self.corners.iter().any(|corner| corner.dist < deepest) {
+                    self.corners.clear();
+                    continue;
+                }
                 (self.normal, self.on_first) = (if i == 0 { -side.normal } else { side.normal }, i == 0);
                 return true;
             }
