@@ -9,7 +9,7 @@ use lanesim_kernels::model::{self as kernel, Cast};
 use crate::diagnostics::Diagnostics;
 use crate::mjcf::{self, LoadOptions};
 use crate::native::Codes;
-use crate::spec::Spec;
+use crate::spec::{self, Spec};
 
 /// A compiled model. Immutable; a clone shares everything.
 #[derive(Clone, Debug)]
@@ -35,8 +35,10 @@ struct Data {
 pub(crate) struct Basis {
     /// Masses and centres of mass of the bodies that stand still.
     pub still: Vec<(f64, [f64; 3])>,
-    /// By pair, where its friction comes from.
-    pub frictions: Vec<FrictionSource>,
+    /// By geom, what it brings to its contacts.
+    pub surfaces: Vec<Surface>,
+    /// By pair, the geoms whose numbers its contacts mix, if they do.
+    pub mixed: Vec<Option<[usize; 2]>>,
     /// Whether some joint's spring and damper follow from inertias, by `springdamper`.
     pub spring_dampers: bool,
     /// What the model was compiled from.
@@ -47,15 +49,25 @@ pub(crate) struct Basis {
     pub damping_ratios: bool,
 }
 
-/// Where the friction of a pair of geoms comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum FrictionSource {
-    /// The pair has its own.
-    Own,
-    /// The geom of this number.
-    Geom(usize),
-    /// The larger of two geoms' coefficients.
-    Larger(usize, usize),
+/// What a geom brings to its contacts.
+#[derive(Clone, Debug)]
+pub(crate) struct Surface {
+    pub priority: i32,
+    pub condim: i32,
+    pub solmix: f64,
+    pub friction: [f64; 3],
+    pub solref: [f64; 2],
+    pub solimp: [f64; 5],
+    pub margin: f64,
+    pub gap: f64,
+}
+
+impl Surface {
+    /// That of a geom.
+    pub fn of(geom: &spec::Geom) -> Self {
+        let spec::Geom { priority, condim, solmix, friction, solref, solimp, margin, gap, .. } = *geom;
+        Surface { priority, condim, solmix, friction, solref, solimp, margin, gap }
+    }
 }
 
 /// What the compiler hands over.

@@ -7,6 +7,7 @@ mod bodies;
 mod cli;
 mod cloud;
 mod collision;
+mod elements;
 mod equality;
 mod exact;
 mod goldens;

@@ -89,8 +89,7 @@ pub fn smooth<L: Lane>(
         end(Stage::Collision);
     }
     if runs(Stage::Constraint) {
-        findings.joint_rows =
-            constraint::joint_rows(&model, Measured { qpos: &state.qpos, qvel: &state.qvel, tendons });
+        findings.joint_rows = constraint::joint_rows(model, Measured { qpos: &state.qpos, qvel: &state.qvel, tendons });
         end(Stage::Constraint);
     }
     if runs(Stage::Inertia) {

@@ -25,7 +25,16 @@ BACKENDS = ("auto", "native", "wide", "scalar")
 Ids = Union[ArrayLike, slice, None]
 """Which worlds: an array of their numbers, a mask [nworld] of bool, or a slice; None: all."""
 _FORCES = ("qfrc_applied", "xfrc_applied")
-_COUNTS = {"dof": "nv", "jnt": "njnt", "actuator": "nu", "geom": "ngeom", "body": "nbody"}
+_COUNTS = {
+    "dof": "nv",
+    "jnt": "njnt",
+    "qpos": "nq",
+    "actuator": "nactuator",
+    "actuator_ctrlrange": "nu",
+    "geom": "ngeom",
+    "body": "nbody",
+    "tendon": "ntendon",
+}
 _FIELDS = {name: (meaning, dims) for name, meaning, dims in _lanesim.FIELDS}
 _KEPT = tuple(name for name in _FIELDS if name not in _FORCES)
 # Those that a saved state has only if the model does.
@@ -255,7 +264,7 @@ class Worlds:
         rows["state"] = [("nstate", _arrays.nstate(m))]
         if isinstance(name, str) and name in PARAMETERS:
             shape = getattr(m, name).shape
-            return list(zip([_COUNTS.get(name.split("_")[0], ""), ""], shape))
+            return list(zip([_COUNTS.get(name, _COUNTS.get(name.split("_")[0], "")), ""], shape))
         if isinstance(name, str) and m._m.array(name) is not None:
             self._w.parameter(name)  # Which says why it cannot.
         if not isinstance(name, str) or name not in rows:

@@ -53,6 +53,10 @@ def start(worlds: lanesim.Worlds, seeds: list[int]) -> None:
         worlds.set("ctrl", rng.normal(0, 1, worlds.model.nu), mask)
 
 
+NAMES = tuple(lanesim.PARAMETERS)[:10]
+"""Those of this model; `ELEMENTS` has the others."""
+
+
 @pytest.fixture
 def cases(rng) -> list[dict]:
     return [numbers(rng) for _ in range(4)]
@@ -61,7 +65,7 @@ def cases(rng) -> list[dict]:
 def varied(cases: list[dict], precision: str) -> lanesim.Worlds:
     worlds = lanesim.Worlds(compiled(NOMINAL), NWORLD, precision, 1)
     models = [compiled(own) for own in cases]
-    for name in lanesim.PARAMETERS:
+    for name in NAMES:
         rows = np.stack([np.asarray(getattr(models[w % len(models)], name)) for w in range(NWORLD)])
         worlds.set(name, rows)
         np.testing.assert_array_equal(worlds.get(name), rows)
@@ -92,7 +96,7 @@ def test_worlds_move_as_mujoco_does_with_its_fields_changed(cases) -> None:
     model = mujoco.MjModel.from_xml_string(XML.format(**NOMINAL))
     model.opt.tolerance = 1e-12
     for world in range(8):
-        for name in lanesim.PARAMETERS:
+        for name in NAMES:
             row = worlds.get(name)[world]
             if name == "gravity":
                 model.opt.gravity[:] = row
@@ -134,8 +138,8 @@ def test_parameters_survive_resets_copies_and_saves(cases) -> None:
     start(worlds, list(range(NWORLD)))
     worlds.reset()
     for twin in (copy.deepcopy(worlds), pickle.loads(pickle.dumps(worlds))):
-        assert twin.varying == worlds.varying == tuple(lanesim.PARAMETERS)
-        for name in lanesim.PARAMETERS:
+        assert twin.varying == worlds.varying == NAMES
+        for name in NAMES:
             np.testing.assert_array_equal(twin.get(name), worlds.get(name))
         twin.step(20)
     worlds.step(20)
@@ -185,3 +189,53 @@ def test_errors_say_what_is_wrong(ant) -> None:
     with pytest.raises(lanesim.InputError, match="actuator_biasprm cannot differ .* no actuator has a bias"):
         worlds.set("actuator_biasprm", ant.actuator_biasprm)
     assert worlds.varying == ()
+
+
+ELEMENTS = """<mujoco><compiler angle="radian"/><option timestep="0.004"/><worldbody>
+  <geom type="plane" size="5 5 1" solref=".02 1" solimp=".9 .95 .001 .5 2" margin=".002" gap=".01"/>
+  <body pos="0 0 .12"><joint type="free" stiffness=".4"/><geom size=".1" mass="1" gap=".01"/>
+    <body pos=".15 0 0"><joint name="hinge" axis="0 1 0" stiffness="1.5" springref=".2" frictionloss=".05" range="-.1 .2"/>
+      <geom type="capsule" size=".03 .1" pos="0 0 -.05" mass=".4" solref="-2000 -60" gap=".01"/>
+      <body pos=".1 0 0"><joint name="slide" type="slide" axis="0 0 1" stiffness="30" frictionloss=".3" range="-.03 .04"/>
+        <geom size=".05" mass=".3" gap=".01"/></body></body></body></worldbody>
+  <tendon><fixed stiffness="40" damping=".7" springlength=".02 .05" frictionloss=".2" range="-.02 .03">
+    <joint joint="hinge" coef=".1"/><joint joint="slide" coef=".9"/></fixed></tendon>
+  <actuator><general joint="hinge" ctrlrange="-.7 .8" forcerange="-.5 .6"/>
+    <general joint="slide" dyntype="filter" dynprm=".05" gainprm="30" biastype="affine" biasprm="0 -30 -1" ctrlrange="-.3 .2"
+      forcerange="-2 3"/></actuator></mujoco>"""
+
+
+def test_elements_move_as_mujoco_does_with_its_fields_changed(rng) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_string(ELEMENTS), NWORLD, "f64", 1)
+    names = [name for name in lanesim.PARAMETERS if name not in NAMES]
+    for name in names:
+        own = np.asarray(getattr(worlds.model, name))
+        rows = own * rng.uniform(0.7, 1.3, (NWORLD, *own.shape))
+        if "solimp" in name:  # Shares, and the power that the model has.
+            rows = own + (rows - own) * [0.1, 0.1, 1, 1, 0]
+        if name == "qpos_spring":  # A quaternion.
+            rows[:, 3:7] = own[3:7]
+        for fixed in [name == "jnt_range", name in ("jnt_solref", "jnt_solimp")]:  # A free joint has no limit.
+            rows[:, : int(fixed)] = own[: int(fixed)]
+        if name == "actuator_dynprm":
+            rows[:, 0] = own[0]
+        worlds.set(name, rows)
+    start(worlds, list(range(NWORLD)))
+    qvel, ctrl = np.array(worlds.qvel), np.array(worlds.ctrl)
+    worlds.step(40)
+    apart = 0.0
+    for world in range(8):
+        model = mujoco.MjModel.from_xml_string(ELEMENTS)
+        model.opt.tolerance = 1e-12
+        for name in names:
+            getattr(model, name)[:] = worlds.get(name)[world]
+        # Contacts are listed where the model's are: the gap makes up for the margin.
+        model.geom_gap[:] = worlds.model.geom_margin + worlds.model.geom_gap - worlds.get("geom_margin")[world]
+        data = mujoco.MjData(model)
+        data.qvel[:], data.ctrl[:] = qvel[world], ctrl[world]
+        for _ in range(40):
+            mujoco.mj_step(model, data)
+        np.testing.assert_allclose(worlds.qpos[world], data.qpos, rtol=0, atol=1e-6)
+        apart = max(apart, np.abs(worlds.qpos[world] - worlds.qpos[0]).max())
+    assert apart > 1e-3

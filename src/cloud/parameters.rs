@@ -97,7 +97,7 @@ impl Worlds {
         let (mut slopes, mut status) = (room(&[nworld, m, n])?, room(&[nworld])?);
         let mut sides = vec![2.0; n];
         for (k, entry) in entries.iter().enumerate() {
-            if fixed(parameter, parameter.of(&self.model)[*entry]) {
+            if fixed(&self.model, parameter, *entry) {
                 sides[k] = 0.0;
                 continue;
             }
@@ -165,15 +165,33 @@ impl Worlds {
     }
 }
 
-/// Whether a number of the model is that of every world: bodies without mass or inertia, such as the world itself, have none.
-fn fixed(parameter: Parameter, own: f64) -> bool {
-    matches!(parameter, Parameter::BodyMass | Parameter::BodyInertia) && own == 0.0
+/// Whether a number of the model is that of every world: it has no effect, or is that of a body without mass or inertia, such as the world
+/// itself.
+fn fixed(model: &Model, parameter: Parameter, entry: usize) -> bool {
+    let weightless = || parameter.of(model)[entry] == 0.0;
+    !parameter.counts(model, entry) || matches!(parameter, Parameter::BodyMass | Parameter::BodyInertia) && weightless()
 }
 
 /// Whether a parameter's numbers may be negative.
 fn signed(parameter: Parameter) -> bool {
-    use Parameter::{ActuatorBiasprm, ActuatorGainprm, ActuatorGear, Gravity};
-    matches!(parameter, Gravity | ActuatorGainprm | ActuatorBiasprm | ActuatorGear)
+    use Parameter::{
+        ActuatorBiasprm, ActuatorCtrlrange, ActuatorForcerange, ActuatorGainprm, ActuatorGear, GeomMargin, Gravity,
+        JntRange, QposSpring, TendonLengthspring, TendonRange,
+    };
+    matches!(
+        parameter,
+        Gravity
+            | ActuatorGainprm
+            | ActuatorBiasprm
+            | ActuatorGear
+            | ActuatorCtrlrange
+            | ActuatorForcerange
+            | QposSpring
+            | JntRange
+            | TendonRange
+            | TendonLengthspring
+            | GeomMargin
+    )
 }
 
 impl Numbers<'_> {

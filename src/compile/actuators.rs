@@ -467,22 +467,29 @@ fn turns(a: &spec::Actuator, transmission: Transmission) -> bool {
     rotation && follows && a.gain == Gain::Fixed && a.bias == Bias::Affine
 }
 
+/// By what times an activation follows its control: see [`Actuator::times`].
+pub(crate) fn times(dynamics: spec::Dynamics, dynprm: &[f64]) -> [f64; 3] {
+    match dynamics {
+        spec::Dynamics::Filter | spec::Dynamics::FilterExact => [1.0 / dynprm[0].max(MINVAL), 0.0, 0.0],
+        spec::Dynamics::Muscle => {
+            let smooth = if dynprm[2] >= MINVAL { 1.0 / dynprm[2] } else { 0.0 };
+            [dynprm[0], dynprm[1], smooth]
+        }
+        _ => [0.0; 3],
+    }
+}
+
 /// How the activation follows the control; steps take `timestep`.
 fn set_dynamics(compiled: &mut Actuator<f64>, a: &spec::Actuator, timestep: f64) {
-    let (time, [tense, relax, smooth]) = (a.dynprm[0].max(MINVAL), [a.dynprm[0], a.dynprm[1], a.dynprm[2]]);
+    let time = a.dynprm[0].max(MINVAL);
     compiled.dynamics = match a.dynamics {
         spec::Dynamics::None | spec::Dynamics::Pid | spec::Dynamics::DcMotor => Dynamics::None,
         spec::Dynamics::Integrator => Dynamics::Integrator,
-        spec::Dynamics::Filter | spec::Dynamics::FilterExact => {
-            compiled.times[0] = 1.0 / time;
-            Dynamics::Filter
-        }
-        spec::Dynamics::Muscle => {
-            compiled.smooth = smooth >= MINVAL;
-            compiled.times = [tense, relax, if compiled.smooth { 1.0 / smooth } else { 0.0 }];
-            Dynamics::Muscle
-        }
+        spec::Dynamics::Filter | spec::Dynamics::FilterExact => Dynamics::Filter,
+        spec::Dynamics::Muscle => Dynamics::Muscle,
     };
+    compiled.times = times(a.dynamics, &a.dynprm);
+    compiled.smooth = compiled.dynamics == Dynamics::Muscle && compiled.times[2] > 0.0;
     if a.dynamics == spec::Dynamics::FilterExact {
         compiled.reach = -time * (-timestep / time).exp_m1();
     }

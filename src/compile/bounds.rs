@@ -16,7 +16,7 @@ pub(super) fn of_limit(range: [f64; 2]) -> [f64; 2] {
 }
 
 /// The range of a force or control. An end that is not a number bounds nothing either.
-pub(super) fn of_clamp(range: [f64; 2]) -> [f64; 2] {
+pub(crate) fn of_clamp(range: [f64; 2]) -> [f64; 2] {
     within(range, HUGE)
 }
 

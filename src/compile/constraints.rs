@@ -113,7 +113,7 @@ pub(crate) fn limits(
             dof: j.dof as u32,
             qpos: j.qpos as u32,
             ball: kind == crate::spec::JointKind::Ball,
-            range: range_of(spec),
+            range: range_of(spec.range.unwrap_or_default(), kind == crate::spec::JointKind::Ball),
             margin: spec.margin,
             impedance: impedance(options, Bound::Below, spec.solreflimit, spec.solimplimit),
             invweight: weights.dofs[j.dof],
@@ -128,7 +128,7 @@ pub(crate) fn limits(
             dof: 0,
             qpos: 0,
             ball: false,
-            range: bounds::of_limit(range),
+            range: range_of(range, false),
             margin: tendon.margin,
             impedance: impedance(options, Bound::Below, tendon.solreflimit, tendon.solimplimit),
             invweight: weights.tendons[t as usize],
@@ -139,9 +139,9 @@ pub(crate) fn limits(
 }
 
 /// The range of a limit: of a ball joint, 0 and an angle.
-fn range_of(joint: &crate::spec::Joint) -> [f64; 2] {
-    let [lo, hi] = bounds::of_limit(joint.range.unwrap_or_default());
-    if joint.kind == crate::spec::JointKind::Ball { [0.0, hi.max(0.0)] } else { [lo, hi] }
+pub(crate) fn range_of(range: [f64; 2], ball: bool) -> [f64; 2] {
+    let [lo, hi] = bounds::of_limit(range);
+    if ball { [0.0, hi.max(0.0)] } else { [lo, hi] }
 }
 
 /// Dry friction in force, in the order of dofs, then of tendons.

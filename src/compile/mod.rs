@@ -19,6 +19,7 @@ mod histories;
 mod inertia;
 mod joints;
 mod keys;
+mod laws;
 mod lengthrange;
 mod links;
 mod meshes;
@@ -43,15 +44,18 @@ use lanesim_kernels::options::{Integrator, Options};
 use lanesim_kernels::stage::Stage;
 
 use crate::diagnostics::Diagnostics;
-use crate::model::{Basis, ElementNames, Model, Names, Parts, Report};
+use crate::model::{Basis, ElementNames, Model, Names, Parts, Report, Surface};
 use crate::spec::{Source, Spec};
 use actuators::Actuators;
+pub(crate) use actuators::times;
+pub(crate) use bounds::of_clamp;
 use constraints::InverseWeights;
+pub(crate) use constraints::{Bound, impedance, range_of};
 use heavy::Heavy;
 use histories::Histories;
+pub(crate) use laws::{Contact, Law};
 use links::Links;
 use order::Scene;
-pub(crate) use pairs::MINMU;
 use sensors::Sensors;
 use tendons::Tendons;
 
@@ -268,7 +272,8 @@ pub fn compile(spec: &Spec) -> Result<Model, Diagnostics> {
         report: Report { notes, losses: spec.losses.clone() },
         basis: Basis {
             still: links.still(&scene),
-            frictions: pairs.frictions,
+            mixed: pairs.mixed,
+            surfaces: scene.geoms.iter().map(|geom| Surface::of(geom.spec)).collect(),
             spring_dampers: scene.joints.iter().any(|joint| joint.spec.springdamper[0] > 0.0),
             spec: spec.clone(),
             scaled_muscles: spec.actuators.iter().any(actuators::is_scaled_muscle),

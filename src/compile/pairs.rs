@@ -4,24 +4,20 @@ use std::collections::{HashMap, HashSet};
 
 use lanesim_kernels::collision::MOST_OF_FIELD;
 use lanesim_kernels::model::{Dof, Geom, HeightField, Hull, NONE, Pair, PairDof, Shape, Sides, Span};
-use lanesim_kernels::options::Options;
 
-use super::constraints::{Bound, damping, impedance};
+use super::laws::{Contact, Law};
 use super::links::Links;
 use super::meshes::{Hulls, Meshes};
 use super::order::{Placed, Scene};
 use super::pose::row_major;
 use crate::diagnostics::Diagnostics;
-use crate::model::{FrictionSource, Names};
+use crate::model::{Names, Surface};
 use crate::spec::{self, Source, Spec};
 
 /// Most pairs of a model.
 const MAX_PAIRS: usize = 4_000_000;
 /// Most entries of the table of pairs' dofs.
 const MAX_PAIR_DOFS: usize = 1 << 25;
-const MINVAL: f64 = 1e-15;
-/// Smallest friction coefficient.
-pub(crate) const MINMU: f64 = 1e-5;
 
 /// The tables of collision.
 #[derive(Default)]
@@ -31,20 +27,9 @@ pub(crate) struct Pairs {
     pub heights: Vec<HeightField>,
     pub pairs: Vec<Pair<f64>>,
     pub dofs: Vec<PairDof>,
-    /// By pair.
-    pub frictions: Vec<FrictionSource>,
+    /// By pair, the geoms whose numbers its contacts mix, if they do.
+    pub mixed: Vec<Option<[usize; 2]>>,
     pub nslot: usize,
-}
-
-/// What two geoms agree on for their contacts.
-struct Contact {
-    condim: i32,
-    friction: [f64; 5],
-    solref: [f64; 2],
-    solreffriction: [f64; 2],
-    solimp: [f64; 5],
-    margin: f64,
-    gap: f64,
 }
 
 /// Finds the pairs. Problems: too many of them.
@@ -88,10 +73,11 @@ pub(crate) fn pairs<'a>(
         let (one, two) = if (ga.spec.shape, a) <= (gb.spec.shape, b) { (a, b) } else { (b, a) };
         let (g1, g2) = (&scene.geoms[one], &scene.geoms[two]);
         let contact = match written {
-            Some(pair) => of_pair(pair),
-            None => mix(g1.spec, g2.spec),
+            Some(pair) => Contact::of(pair),
+            None => Contact::mix(&Surface::of(g1.spec), &Surface::of(g2.spec)),
         };
-        let contact = overridden(&spec.option, contact);
+        let contact = contact.overridden(&spec.option);
+        let Law { margin, friction, impedance, friction_b } = contact.law(&spec.option);
         let (link1, link2) = (links.moving(g1.body), links.moving(g2.body));
         let Some(Between { dofs, cross, sides }) = chains.between(link1, link2) else {
             diagnostics.push(
@@ -114,20 +100,15 @@ pub(crate) fn pairs<'a>(
             dofs,
             cross,
             sides,
-            margin: contact.margin,
+            margin,
             include: contact.margin + contact.gap,
-            friction: contact.friction.map(|x| x.max(MINMU)),
-            impedance: impedance(&spec.option, Bound::Below, contact.solref, contact.solimp),
-            friction_b: damping(
-                &spec.option,
-                impedance(&spec.option, Bound::Other, contact.solreffriction, contact.solimp).b,
-            ),
+            friction,
+            impedance,
+            friction_b,
             invweight: w1[0] + w2[0],
         });
-        out.frictions.push(match written {
-            None if !spec.option.flags.override_ => friction_source(one, g1.spec, two, g2.spec),
-            _ => FrictionSource::Own,
-        });
+        let mixes = written.is_none() && !spec.option.flags.override_;
+        out.mixed.push(mixes.then_some([one, two]));
         out.nslot += slots;
     }
     (out.geoms, out.hulls, out.heights) = (table.geoms, table.hulls.hulls, table.hulls.heights);
@@ -243,78 +224,6 @@ fn slots(one: spec::Shape, two: spec::Shape, multiccd: bool) -> usize {
         (Plane, _) | (Sphere, Sphere | Capsule | Cylinder | Box) => 1,
         _ if multiccd => 5,
         _ => 1,
-    }
-}
-
-/// Parameters of an explicit pair.
-fn of_pair(p: &spec::Pair) -> Contact {
-    Contact {
-        condim: p.condim,
-        friction: p.friction,
-        solref: p.solref,
-        solreffriction: if p.solreffriction == [0.0; 2] { p.solref } else { p.solreffriction },
-        solimp: p.solimp,
-        margin: p.margin,
-        gap: p.gap,
-    }
-}
-
-/// Whose friction the contacts of two geoms have that [mix](mix) theirs.
-fn friction_source(one: usize, a: &spec::Geom, two: usize, b: &spec::Geom) -> FrictionSource {
-    match a.priority.cmp(&b.priority) {
-        std::cmp::Ordering::Greater => FrictionSource::Geom(one),
-        std::cmp::Ordering::Less => FrictionSource::Geom(two),
-        std::cmp::Ordering::Equal => FrictionSource::Larger(one, two),
-    }
-}
-
-/// Parameters that two geoms mix.
-fn mix(a: &spec::Geom, b: &spec::Geom) -> Contact {
-    let (condim, friction, solref, solimp);
-    if a.priority != b.priority {
-        let winner = if a.priority > b.priority { a } else { b };
-        (condim, friction, solref, solimp) = (winner.condim, winner.friction, winner.solref, winner.solimp);
-    } else {
-        let weight = match (a.solmix >= MINVAL, b.solmix >= MINVAL) {
-            (true, true) => a.solmix / (a.solmix + b.solmix),
-            (false, false) => 0.5,
-            (true, false) => 1.0,
-            (false, true) => 0.0,
-        };
-        let average = |x: f64, y: f64| weight * x + (1.0 - weight) * y;
-        condim = a.condim.max(b.condim);
-        friction = std::array::from_fn(|i| a.friction[i].max(b.friction[i]));
-        solref = if a.solref[0] > 0.0 && b.solref[0] > 0.0 {
-            std::array::from_fn(|i| average(a.solref[i], b.solref[i]))
-        } else {
-            std::array::from_fn(|i| a.solref[i].min(b.solref[i]))
-        };
-        solimp = std::array::from_fn(|i| average(a.solimp[i], b.solimp[i]));
-    }
-    let [slide, spin, roll] = friction;
-    Contact {
-        condim,
-        friction: [slide, slide, spin, roll, roll],
-        solref,
-        solreffriction: solref,
-        solimp,
-        margin: a.margin + b.margin,
-        gap: a.gap + b.gap,
-    }
-}
-
-/// The parameters that the flag `override` imposes on every contact.
-fn overridden(options: &Options, contact: Contact) -> Contact {
-    if !options.flags.override_ {
-        return contact;
-    }
-    Contact {
-        friction: options.o_friction,
-        solref: options.o_solref,
-        solreffriction: options.o_solref,
-        solimp: options.o_solimp,
-        margin: options.o_margin,
-        ..contact
     }
 }
 

@@ -4,7 +4,7 @@ use glam::DVec3;
 use lanesim_kernels::collision::reference;
 use lanesim_kernels::constraint::{Cone, ContactRow, DofLaw, DofRowKind, Law};
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{Equality, EqualityKind, NONE, Pair, Quantity, Sides};
+use lanesim_kernels::model::{Equality, EqualityKind, NONE, Pair, Sides};
 use lanesim_kernels::tendon;
 
 use super::World;
@@ -114,15 +114,13 @@ pub(super) fn frame<L: LaneQuery>(world: World<'_, L>, contact: &Contact) -> [f6
 /// Coefficients of friction: two tangents, spin, two rolls; the world's own, if they vary.
 pub(super) fn friction<L: LaneQuery>(world: World<'_, L>, contact: &Contact) -> [f64; 5] {
     let pair = world.workspace.collision.slots[contact.index].pair as usize;
-    match world.block.varied.as_deref().map_or(&[][..], |varied| varied.lanes(Quantity::Grip)) {
-        [] => world.tables.pairs[pair].friction.map(Real::to_f64),
-        own => std::array::from_fn(|k| world.number(&own[6 * pair + k])),
-    }
+    let [_, _, _, friction @ ..] = world.instance().law(pair);
+    std::array::from_fn(|k| world.number(&friction[k]))
 }
 
 /// Distance below which force acts, m.
 pub(super) fn margin<L: LaneQuery>(world: World<'_, L>, contact: &Contact) -> f64 {
-    pair(world, contact).margin.to_f64()
+    world.number(&world.instance().margin(world.workspace.collision.slots[contact.index].pair as usize))
 }
 
 /// Force and torque on the second geom of each contact that acts, in the contact's frame.
@@ -245,7 +243,7 @@ fn dof_row<L: LaneQuery>(world: World<'_, L>, law: DofLaw<'_, L>, force: f64) ->
     }
     let margin = match row.kind {
         DofRowKind::Friction => 0.0,
-        _ => world.tables.limits[row.id as usize].margin.to_f64(),
+        _ => world.number(&world.instance().limit(row.id as usize).1),
     };
     let (kind, id) = match (row.kind, row.tendon) {
         (DofRowKind::Friction, NONE) => (FRICTION_DOF, dof),
@@ -290,7 +288,7 @@ fn contact_rows<L: LaneQuery>(world: World<'_, L>, row: &ContactRow, id: usize, 
     let reference: Vec<f64> = reference.iter().map(|x| world.number(x)).collect();
     let law = world.workspace.constraint.law(row);
     let d = world.number(&law.d());
-    let margin = world.tables.pairs[row.pair as usize].margin.to_f64();
+    let margin = world.number(&world.instance().margin(row.pair as usize));
     let pos = world.number(&world.workspace.collision.contact(row.contact as usize).dist());
     match row.cone {
         Cone::Ray => {

@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::{Equality, EqualityKind, Instance, NONE, Quantity};
+use lanesim_kernels::model::{Equality, EqualityKind, NONE, Quantity};
 use lanesim_kernels::options::Integrator;
 use lanesim_kernels::sensor;
 
@@ -71,7 +71,7 @@ fn of_bodies<L: LaneQuery>(world: World<'_, L>, at: &[DVec3]) -> Vec<Spatial> {
         }
         links.push(added);
     }
-    let gravity = Instance { model: tables, varied: world.block.varied.as_deref() }.gravity();
+    let gravity = world.instance().gravity();
     let still = [DVec3::ZERO, -world.vector(&gravity)];
     let body = |(placement, at): (&crate::model::Placement, &DVec3)| match placement.link {
         NONE => still,
@@ -141,8 +141,7 @@ fn from_outside<L: LaneQuery>(world: World<'_, L>, at: &[DVec3], poses: &mut Pos
             add(&mut forces[b], moved([torque, force], place, at[b]), sign);
         }
     }
-    let instance = Instance { model: world.tables, varied: world.block.varied.as_deref() };
-    sensor::pushes(instance, &world.workspace.stages(), &world.block.state.plastic, |push| {
+    sensor::pushes(world.instance(), &world.workspace.stages(), &world.block.state.plastic, |push| {
         let (b, wrench) = (push.body as usize, [world.vector(&push.wrench[..3]), world.vector(&push.wrench[3..])]);
         let origin = if push.link == NONE { DVec3::ZERO } else { frames::origin(world, push.link) };
         add(&mut forces[b], moved(wrench, origin, at[b]), 1.0);

@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicBool;
 
 use glam::DVec3;
 use lanesim_kernels::lane::{LaneQuery, Real};
-use lanesim_kernels::model::Model as KernelModel;
+use lanesim_kernels::model::{Instance, Model as KernelModel};
 use lanesim_kernels::stage::Stage;
 use lanesim_kernels::workspace::Workspace;
 
@@ -61,7 +61,12 @@ impl<'a, L: LaneQuery> Deref for World<'a, L> {
     }
 }
 
-impl<L: LaneQuery> World<'_, L> {
+impl<'a, L: LaneQuery> World<'a, L> {
+    /// The model as the world has it.
+    fn instance(self) -> Instance<'a, L> {
+        Instance { model: self.view.tables, varied: self.view.block.varied.as_deref() }
+    }
+
     /// Its entry, widened; a zero of either sign is +0.
     fn number(&self, x: &L) -> f64 {
         x.get(self.lane).to_f64() + 0.0

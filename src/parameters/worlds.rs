@@ -2,9 +2,10 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use lanesim_kernels::model::Quantities;
+use lanesim_kernels::model::{Quantities, Quantity};
 
 use super::Parameter;
+use super::follow::{WEIGHTS, reweigh};
 use crate::error::Error;
 use crate::memory;
 use crate::rows::Strided;
@@ -104,7 +105,8 @@ impl Worlds {
     /// Whether a world can have these numbers.
     fn check_parameter(&self, parameter: Parameter, world: usize, values: &[f64]) -> Result<(), Error> {
         let most = if self.options.precision == Precision::F32 { f64::from(f32::MAX) } else { f64::MAX };
-        parameter.check_values(&self.model, world, values, most)
+        let varying: Vec<Parameter> = self.varying().collect();
+        parameter.check_values(&self.model, (world, values), &varying, most)
     }
 
     /// Whether worlds can have the parameter of their own.
@@ -141,16 +143,21 @@ impl Worlds {
         for (_, rows) in parameters.iter_mut().filter(|(known, _)| *known == parameter) {
             rows[world * values.len()..][..values.len()].copy_from_slice(values);
         }
-        parameter.derive(model, values, &mut |quantity, numbers| engine.put(quantity, world, numbers));
-        let Some(tables) = reweighed else { return };
-        if parameter.weighs() || [Parameter::Gravity, Parameter::GeomFriction].contains(&parameter) {
-            let own = |wanted: Parameter| {
-                let (own, n) = (wanted.of(model), wanted.len(model));
-                let varied = parameters.iter().find(|(known, _)| *known == wanted);
-                varied.map_or(own, |(_, rows)| &rows[world * n..][..n])
-            };
-            super::reweigh(model, &own, tables);
-            super::WEIGHTS.iter().for_each(|quantity| engine.put(*quantity, world, &quantity.of(tables)));
+        let own = |wanted: Parameter| {
+            let (own, n) = (wanted.of(model), wanted.len(model));
+            let varied = parameters.iter().find(|(known, _)| *known == wanted);
+            varied.map_or(own, |(_, rows)| &rows[world * n..][..n])
+        };
+        let heavy = parameter.weighs() || parameter.quantities().has(Quantity::Grip) || parameter == Parameter::Gravity;
+        match reweighed.as_deref_mut().filter(|_| heavy) {
+            Some(tables) => {
+                reweigh(model, &own, tables);
+                WEIGHTS.iter().for_each(|quantity| engine.put(*quantity, world, &quantity.of(tables)));
+                if parameter == Parameter::Gravity {
+                    engine.put(Quantity::Gravity, world, own(parameter));
+                }
+            }
+            None => parameter.derive(model, &own, &mut |quantity, numbers| engine.put(quantity, world, numbers)),
         }
     }
 }

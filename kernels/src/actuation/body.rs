@@ -28,11 +28,11 @@ pub fn bodies<L: Lane>(
         actuation.velocity[a] = velocity;
         if !actuator.disabled && model.features.actuation {
             let force = force(model, a, actuation.input[a], L::zero(), velocity);
-            actuation.force[a] = if actuator.force_limited { clamp(force, &actuator.force_range) } else { force };
+            actuation.force[a] = if actuator.force_limited { clamp(force, &model.force_range(a)) } else { force };
         }
     }
     if model.features.actuation {
-        gather(&model, passive, actuation);
+        gather(model, passive, actuation);
     }
 }
 

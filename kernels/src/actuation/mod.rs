@@ -101,22 +101,22 @@ pub fn actuation<L: Lane>(
             velocity = if k == 0 { *moment * speed } else { moment.mul_add(speed, velocity) };
         }
         actuation.velocity[a] = velocity;
-        let told = |input: u32| control(&model, input as usize, good, acting(state, &actuation.told));
+        let told = |input: u32| control(model, input as usize, good, acting(state, &actuation.told));
         let mut input = if actuator.ctrl == NONE { L::zero() } else { told(actuator.ctrl) };
         let mut motor = None;
         if let Some(own) = model.controllers.get(actuator.controller as usize) {
             let Actuation { told, act_dot, .. } = &mut *actuation;
-            let control = |input: u32| control(&model, input as usize, good, acting(state, told));
+            let control = |input: u32| control(model, input as usize, good, acting(state, told));
             let command = controller::command(&model, (actuator, own), control, (act, length), act_dot);
             input = commanded(&model.bias(a), own, &command);
             motor = Some((own, command));
         }
         if let Some(own) = model.motors.get(actuator.motor as usize) {
             let Actuation { told, act_dot, .. } = &mut *actuation;
-            let control = |input: u32| control(&model, input as usize, good, acting(state, told));
+            let control = |input: u32| control(model, input as usize, good, acting(state, told));
             let volts = if own.voltage == NONE { L::zero() } else { control(own.voltage) };
             let of = (&act[..], length, velocity);
-            let bounds = actuator.force_limited.then_some(&actuator.force_range);
+            let bounds = actuator.force_limited.then(|| model.force_range(a));
             let turned = motor::turn((own, motor), volts, of, (bounds, model.options.timestep), act_dot);
             let at = actuator.motor as usize;
             (actuation.slopes[at], actuation.bent[at]) = (turned.slopes, turned.bent);
@@ -125,7 +125,7 @@ pub fn actuation<L: Lane>(
             continue;
         }
         if let Some(act) = act.get(actuator.act as usize) {
-            let rate = rate(actuator, input, *act);
+            let rate = rate(model, a, input, *act);
             actuation.act_dot[actuator.act as usize] = rate;
             input = if actuator.early { next(actuator, *act, rate) } else { *act };
         }
@@ -136,7 +136,7 @@ pub fn actuation<L: Lane>(
         if let Some(servo) = model.servos.get(actuator.servo as usize) {
             let (first, told) = (servo.first as usize, acting(state, &actuation.told));
             if a == first {
-                let told = |input: u32| control(&model, input as usize, good, told);
+                let told = |input: u32| control(model, input as usize, good, told);
                 let error = servo::error(model, servo, &actuation.turned[actuator.servo as usize], told, act);
                 actuation.input[a..a + 3].copy_from_slice(&error);
             }
@@ -155,17 +155,17 @@ pub fn actuation<L: Lane>(
     }
     servo::bound(&model, &mut actuation.force);
     bound_by_tendons(&model, actuation);
-    gather(&model, passive, actuation);
+    gather(model, passive, actuation);
     !good
 }
 
 /// The generalised forces, from moments and forces.
-fn gather<L: Lane>(model: &Model<L::Real>, passive: &Passive<L>, actuation: &mut Actuation<L>) {
+fn gather<L: Lane>(model: Instance<'_, L>, passive: &Passive<L>, actuation: &mut Actuation<L>) {
     actuation.qfrc_actuator.fill(L::zero());
     for (a, actuator) in model.actuators.iter().enumerate().filter(|(_, actuator)| !actuator.disabled) {
         let Actuation { force, moment, qfrc_actuator, .. } = &mut *actuation;
         if actuator.force_limited && actuator.motor == NONE {
-            force[a] = clamp(force[a], &actuator.force_range);
+            force[a] = clamp(force[a], &model.force_range(a));
         }
         let range = actuator.moments.range();
         for (entry, moment) in model.moment_dofs[range.clone()].iter().zip(&moment[range]) {
@@ -173,10 +173,10 @@ fn gather<L: Lane>(model: &Model<L::Real>, passive: &Passive<L>, actuation: &mut
             *out = moment.mul_add(force[a], *out);
         }
     }
-    for (t, _) in bounding(model) {
-        actuation.total[t] = total(model, t, &actuation.force);
+    for (t, _) in bounding(&model) {
+        actuation.total[t] = total(&model, t, &actuation.force);
     }
-    route_to_joints(model, passive, &mut actuation.qfrc_actuator);
+    route_to_joints(&model, passive, &mut actuation.qfrc_actuator);
 }
 
 /// The controls that act: those of the state, or where some act late, what was `told`.
@@ -190,15 +190,15 @@ fn usable<L: Lane>(ctrl: &[L]) -> L::Mask {
 }
 
 #[inline(always)]
-fn clamp<L: Lane>(x: L, range: &[L::Real; 2]) -> L {
-    x.clamp(L::splat(range[0]), L::splat(range[1]))
+fn clamp<L: Lane>(x: L, [low, high]: &[L; 2]) -> L {
+    x.clamp(*low, *high)
 }
 
 /// A control as its actuator acts on it, `good` where it is [`usable`].
 #[inline(always)]
-fn control<L: Lane>(model: &Model<L::Real>, input: usize, good: L::Mask, ctrl: &[L]) -> L {
+fn control<L: Lane>(model: Instance<'_, L>, input: usize, good: L::Mask, ctrl: &[L]) -> L {
     let (own, u) = (&model.controls[input], L::select(good, ctrl[input], L::zero()));
-    if own.limited && model.options.flags.clampctrl { clamp(u, &own.range) } else { u }
+    if own.limited && model.options.flags.clampctrl { clamp(u, &model.control_range(input)) } else { u }
 }
 
 /// What a bias of length and velocity is added to, so that a controller's force follows its errors in both.
@@ -228,12 +228,13 @@ fn nearest<L: Lane>(model: Instance<'_, L>, a: usize, setpoint: L, length: L) ->
 
 /// Rate of activation `w` at a control `u`.
 #[inline(always)]
-fn rate<L: Lane>(actuator: &Actuator<L::Real>, u: L, w: L) -> L {
+fn rate<L: Lane>(model: Instance<'_, L>, a: usize, u: L, w: L) -> L {
+    let (actuator, times) = (&model.actuators[a], model.times(a));
     match actuator.dynamics {
         Dynamics::None => L::zero(),
         Dynamics::Integrator => u,
-        Dynamics::Filter => (u - w) * L::splat(actuator.times[0]),
-        Dynamics::Muscle => muscle::rate(actuator, u, w),
+        Dynamics::Filter => (u - w) * times[0],
+        Dynamics::Muscle => muscle::rate((actuator, times), u, w),
     }
 }
 
@@ -247,7 +248,7 @@ pub fn next<L: Lane>(actuator: &Actuator<L::Real>, w: L, rate: L) -> L {
 #[inline(always)]
 fn advance<L: Lane>(actuator: &Actuator<L::Real>, w: L, rate: L, reach: L) -> L {
     let next = if actuator.disabled { w } else { rate.mul_add(reach, w) };
-    if actuator.act_limited { clamp(next, &actuator.act_range) } else { next }
+    if actuator.act_limited { clamp(next, &splat(&actuator.act_range)) } else { next }
 }
 
 /// Next activations, from their rates, and motors' bristles as they will be ([`Actuation::bent`]).
@@ -306,7 +307,7 @@ fn bound_by_tendons<L: Lane>(model: &Model<L::Real>, actuation: &mut Actuation<L
     let force = &mut actuation.force;
     for (t, tendon) in bounding(model) {
         let total = total(model, t, force);
-        let within = clamp(total, &tendon.force_range);
+        let within = clamp(total, &splat(&tendon.force_range));
         let bound = !within.eq(total);
         let share = within / L::select(bound, total, L::one());
         for (a, _) in model.actuators.iter().enumerate().filter(|(_, actuator)| actuator.tendon as usize == t) {

@@ -25,7 +25,7 @@ pub(super) fn turn<L: Lane>(
     (own, controller): (&Motor<L::Real>, Option<Commanded<'_, L>>),
     volts: L,
     (act, length, velocity): (&[L], L, L),
-    (bounds, timestep): (Option<&[L::Real; 2]>, f64),
+    (bounds, timestep): (Option<[L; 2]>, f64),
     rates: &mut [L],
 ) -> Turned<L> {
     let (zero, constant) = (L::zero(), L::splat(own.constant));
@@ -54,9 +54,8 @@ pub(super) fn turn<L: Lane>(
         rates[own.temperature as usize] = loss.neg_mul_add(*warmer, resistance * heats * heats * gain);
     }
     let mut out = Turned { force: constant * current, slopes: slopes.map(|slope| constant * slope), bent: zero };
-    if let Some(bounds) = bounds {
+    if let Some([low, high]) = bounds {
         // What friction and cogging do comes beside it.
-        let [low, high] = bounds.map(L::splat);
         let free = out.force.gt(low) & out.force.lt(high);
         out.slopes = out.slopes.map(|slope| L::select(free, slope, zero));
         out.force = out.force.clamp(low, high);

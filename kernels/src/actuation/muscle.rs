@@ -75,8 +75,7 @@ pub(super) fn bias<L: Lane>(muscle: &Muscle<L::Real>, length: L) -> (L, L) {
 
 /// Rate of activation `w` at a control `u`.
 #[inline(always)]
-pub(super) fn rate<L: Lane>(actuator: &Actuator<L::Real>, u: L, w: L) -> L {
-    let [tense, relax, sharpness]: [L; 3] = splat(&actuator.times);
+pub(super) fn rate<L: Lane>((actuator, [tense, relax, sharpness]): (&Actuator<L::Real>, [L; 3]), u: L, w: L) -> L {
     let (zero, one) = (L::zero(), L::one());
     let slowness = w.clamp(zero, one).mul_add(L::of(1.5), L::of(0.5));
     let (tense, relax) = (tense * slowness, relax / slowness);

@@ -41,7 +41,7 @@ pub(super) fn error<L: Lane>(
             let own = &model.actuators[first + k];
             let control = told(servo.ctrl + k as u32);
             match act.get(own.act as usize) {
-                Some(w) if own.early => super::next(own, *w, super::rate(own, control, *w)),
+                Some(w) if own.early => super::next(own, *w, super::rate(model, first + k, control, *w)),
                 Some(w) => *w,
                 None => control,
             }

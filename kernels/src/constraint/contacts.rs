@@ -165,26 +165,13 @@ impl<L: Lane> Grip<L> {
     /// That of a pair.
     #[inline(always)]
     pub fn new(model: Instance<'_, L>, pair: usize) -> Self {
-        let grip = Self::of(&model, &model.pairs[pair], model.law(pair));
-        match model.grip(pair) {
-            Some(varied) => grip.with(varied),
-            None => grip,
-        }
-    }
-
-    /// The same with friction and inverse weight that vary.
-    #[inline(always)]
-    pub fn with(self, [f1, f2, f3, f4, f5, invweight]: [L; 6]) -> Self {
-        Grip { friction: [f1, f2, f3, f4, f5], invweight, ..self }
+        Self::of(&model, &model.pairs[pair], model.law(pair))
     }
 
     /// That of a pair like this one, with other [numbers](Pair::law).
     #[inline(always)]
     pub fn of(model: &Model<L::Real>, pair: &Pair<L::Real>, numbers: [L; Pair::<f64>::LAW]) -> Self {
-        let [margin, invweight, friction_b, f1, f2, f3, f4, f5, k, b, dmin, dmax, inverse_width, midpoint, ..] =
-            numbers;
-        let [.., power, low, high] = numbers;
-        let Impedance { flat, small_power, .. } = pair.impedance;
+        let [margin, invweight, friction_b, f1, f2, f3, f4, f5, impedance @ ..] = numbers;
         Grip {
             cone: cone(model, pair),
             impratio: model.options.impratio,
@@ -193,7 +180,7 @@ impl<L: Lane> Grip<L> {
             invweight,
             friction_b,
             friction: [f1, f2, f3, f4, f5],
-            impedance: Impedance { flat, small_power, k, b, dmin, dmax, inverse_width, midpoint, power, low, high },
+            impedance: pair.impedance.with(impedance),
         }
     }
 }

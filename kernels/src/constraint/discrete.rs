@@ -193,7 +193,7 @@ fn contact<L: LaneQuery>(
             }
         }
     }
-    let pos = collision.contact(row.contact as usize).dist() - L::splat(pair.margin);
+    let pos = collision.contact(row.contact as usize).dist() - model.margin(row.pair as usize);
     let Change { stiffer, ahead, spring, b, inverse } = change(&pair.impedance, pos, model.options.timestep);
     let strength = &mut constraint.strengths[row.strength as usize];
     strength[0] = L::select(strength[0].gt(L::zero()), strength[0] * stiffer * ratio.factor(), L::zero());

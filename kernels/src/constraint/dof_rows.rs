@@ -4,7 +4,7 @@ use super::{Constraint, DofLanes, DofRow, DofRowKind, impedance};
 use crate::lane::{Lane, Mask, Real};
 use crate::math::quat;
 use crate::math::vec3::{dot, neg, select};
-use crate::model::{Impedance, Instance, Limit, Model, NONE};
+use crate::model::{Impedance, Instance, Model, NONE};
 use crate::tendon::Tendons;
 
 /// All rows on joints and tendons that the model can have, in MuJoCo's order.
@@ -53,7 +53,7 @@ pub fn dof_lanes<L: Lane>(
     let [mut some, mut cross] = [L::zero().lt(L::zero()); 2];
     let Constraint { dof_rows, dof_lanes, .. } = constraint;
     for (row, lanes) in dof_rows.iter().zip(dof_lanes) {
-        let violated = violation(&model, row, measured);
+        let violated = violation(model, row, measured);
         let acts = if row.kind == DofRowKind::Friction { alive } else { violated.pos.lt(L::zero()) & alive };
         *lanes = numbers(model, row, violated, acts);
         some = some | lanes[4].gt(L::zero());
@@ -66,8 +66,8 @@ pub fn dof_lanes<L: Lane>(
 
 /// The worlds in which some row on a joint or tendon may act: dry friction always does, and of limits of ball joints it costs as much to
 /// tell as to have the row.
-pub fn joint_rows<L: Lane>(model: &Model<L::Real>, measured: Measured<'_, L>) -> L::Mask {
-    all_dof_rows(model).fold(L::Mask::splat(false), |acting, row| {
+pub fn joint_rows<L: Lane>(model: Instance<'_, L>, measured: Measured<'_, L>) -> L::Mask {
+    all_dof_rows(&model).fold(L::Mask::splat(false), |acting, row| {
         let acts = match row.kind {
             DofRowKind::Friction | DofRowKind::Ball => L::Mask::splat(true),
             _ => violation(model, &row, measured).pos.lt(L::zero()),
@@ -86,7 +86,7 @@ struct Violation<L> {
 }
 
 #[inline(always)]
-fn violation<L: Lane>(model: &Model<L::Real>, row: &DofRow, measured: Measured<'_, L>) -> Violation<L> {
+fn violation<L: Lane>(model: Instance<'_, L>, row: &DofRow, measured: Measured<'_, L>) -> Violation<L> {
     let Measured { qpos, qvel, tendons } = measured;
     let (zero, one) = (L::zero(), L::one());
     let (length, rate) = match row.tendon {
@@ -98,15 +98,15 @@ fn violation<L: Lane>(model: &Model<L::Real>, row: &DofRow, measured: Measured<'
     }
     let limit = &model.limits[row.id as usize];
     let (q, v) = (&length[limit.qpos as usize..], &qvel[limit.dof as usize..]);
-    let margin = L::splat(limit.margin);
+    let ([low, high], margin, _) = model.limit(row.id as usize);
     if row.kind == DofRowKind::Ball {
         let (axis, angle) = quat::axis_angle(&quat::unit(&[q[0], q[1], q[2], q[3]]));
         let axis = select(angle.lt(zero), &neg(&axis), &axis);
-        let pos = L::splat(limit.range[1]) - angle.abs() - margin;
+        let pos = high - angle.abs() - margin;
         return Violation { axis, pos, speed: -dot(&axis, &[v[0], v[1], v[2]]) };
     }
-    let lower = q[0] - L::splat(limit.range[0]) - margin;
-    let upper = L::splat(limit.range[1]) - q[0] - margin;
+    let lower = q[0] - low - margin;
+    let upper = high - q[0] - margin;
     let (pos, sign) = match row.kind {
         DofRowKind::Lower => (lower, one),
         DofRowKind::Upper => (upper, -one),
@@ -127,8 +127,8 @@ fn numbers<L: Lane>(model: Instance<'_, L>, row: &DofRow, violated: Violation<L>
         let d = L::one() / model.regulariser(row.id as usize);
         return [x, y, z, pos, L::select(acts, d, L::zero()), L::splat(friction.b) * speed];
     }
-    let Limit { impedance, .. } = &model.limits[row.id as usize];
-    let (d, reference) = self::row(&impedance.lanes(), pos, speed, model.limit_weight(row.id as usize), L::one());
+    let (_, _, impedance) = model.limit(row.id as usize);
+    let (d, reference) = self::row(&impedance, pos, speed, model.limit_weight(row.id as usize), L::one());
     [x, y, z, pos, L::select(acts, d, L::zero()), reference]
 }
 

@@ -2,6 +2,7 @@
 
 use crate::actuation::{Actuation, servo_within, slopes};
 use crate::lane::{Lane, Mask, Real};
+use crate::math::vec3::splat;
 use crate::model::{Dof, Instance, MomentDof, NONE};
 use crate::options::Integrator;
 
@@ -57,14 +58,14 @@ pub(super) fn gains<L: Lane>(model: Instance<'_, L>, actuation: &Actuation<L>, m
         let [length, velocity] = slopes(model, a, actuation);
         let mut free = L::Mask::splat(true);
         if actuator.force_limited && actuator.motor == NONE {
-            free = free & within(actuation.force[a], &actuator.force_range);
+            free = free & within(actuation.force[a], &model.force_range(a));
         }
         if let Some(servo) = model.servos.get(actuator.servo as usize).filter(|servo| servo.bounded) {
             free = free & servo_within(servo, &actuation.force);
         }
         if actuator.joint != NONE && model.joints[actuator.joint as usize].force_limited {
             let joint = &model.joints[actuator.joint as usize];
-            free = free & within(actuation.qfrc_actuator[joint.dof as usize], &joint.force_range);
+            free = free & within(actuation.qfrc_actuator[joint.dof as usize], &splat(&joint.force_range));
         }
         if let Some(tendon) = model.tendons.get(actuator.tendon as usize).filter(|tendon| tendon.force_limited) {
             // Shares of a bound add up to it but for rounding; less, where an actuator's own bound holds it back.
@@ -82,6 +83,6 @@ pub(super) fn gains<L: Lane>(model: Instance<'_, L>, actuation: &Actuation<L>, m
 }
 
 /// Whether a force is strictly within its bounds.
-fn within<L: Lane>(force: L, range: &[L::Real; 2]) -> L::Mask {
-    force.gt(L::splat(range[0])) & force.lt(L::splat(range[1]))
+fn within<L: Lane>(force: L, [low, high]: &[L; 2]) -> L::Mask {
+    force.gt(*low) & force.lt(*high)
 }

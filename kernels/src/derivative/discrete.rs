@@ -5,7 +5,7 @@ use super::Stages;
 use super::actuators::{Gain, gains, products};
 use crate::lane::Lane;
 use crate::math::vec3::norm;
-use crate::model::{Features, Instance, Joint, JointKind, Model, MomentDof, Tendon};
+use crate::model::{Features, Instance, Joint, JointKind, MomentDof, Tendon};
 use crate::passive::{
     damper_slope, joint_rest, shift_from_rest, tendon_damper_slope, tendon_spring_slope, twist_from_rest,
 };
@@ -30,7 +30,7 @@ pub(super) fn add<L: Lane>(
     }
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            for (dofs, stiffness) in slopes(joint, &model.stiffness(j), state) {
+            for (dofs, stiffness) in slopes(model, (j, joint), state) {
                 let held = h * stiffness.max(L::zero());
                 for i in dofs {
                     let diagonal = &mut matrix[model.rows.diagonal(i)];
@@ -40,7 +40,7 @@ pub(super) fn add<L: Lane>(
             }
         }
     }
-    tendons(&model, (stages.tendons, &state.plastic), h, (matrix, pull, joined));
+    tendons(model, (stages.tendons, &state.plastic), h, (matrix, pull, joined));
     if model.features.actuation {
         gains(model, stages.actuation, |Gain { dofs, moment, length, velocity }| {
             let (spring, damper) = ((-length).max(L::zero()), (-velocity).max(L::zero()));
@@ -62,43 +62,44 @@ pub(super) fn add<L: Lane>(
 
 /// Of dampers and springs of tendons.
 fn tendons<L: Lane>(
-    model: &Model<L::Real>,
+    model: Instance<'_, L>,
     (tendons, plastic): (&Tendons<L>, &[L]),
     h: L,
     (matrix, pull, joined): (&mut [L], &mut [L], &mut [L]),
 ) {
     let Features { springs, dampers, .. } = model.features;
     let acts = |tendon: &Tendon<L::Real>| springs && tendon.spring || dampers && tendon.damped;
-    for (t, tendon) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
+    for (t, _) in model.tendons.iter().enumerate().filter(|(_, tendon)| acts(tendon)) {
         let (zero, speed) = (L::zero(), tendons.velocity[t]);
         let damper = if dampers { tendon_damper_slope(model, t, speed) } else { zero };
-        let spring = if springs { tendon_spring_slope(tendon, tendons.length[t], plastic) } else { zero };
+        let spring = if springs { tendon_spring_slope(model, t, tendons.length[t], plastic) } else { zero };
         let held = h * spring.max(zero);
         let both = h.mul_add(held, h * damper.max(zero));
-        for (dof, _) in tendon::columns(model, t, &tendons.jacobian) {
+        for (dof, _) in tendon::columns(&model, t, &tendons.jacobian) {
             joined[dof] = L::select(both.gt(zero), L::one(), joined[dof]);
         }
-        tendon::add_square(model, t, &tendons.jacobian, both, matrix);
-        tendon::pull(model, t, &tendons.jacobian, held * speed, pull);
+        tendon::add_square(&model, t, &tendons.jacobian, both, matrix);
+        tendon::pull(&model, t, &tendons.jacobian, held * speed, pull);
     }
 }
 
 /// What a joint's spring gains with displacement, a + 2 b r + 3 c r², for the dofs of each of its parts.
 pub(super) fn slopes<L: Lane>(
-    joint: &Joint<L::Real>,
-    [a, b, c]: &[L; 3],
+    model: Instance<'_, L>,
+    (j, joint): (usize, &Joint<L::Real>),
     State { qpos, plastic, .. }: &State<L>,
 ) -> impl Iterator<Item = (std::ops::Range<usize>, L)> {
+    let ([a, b, c], rest) = (model.stiffness(j), joint_rest(&model, j, plastic));
     let q = &qpos[joint.qpos as usize..];
-    let slope = |r: L| r.mul_add(r.mul_add(L::of(3.0) * *c, *b + *b), *a);
+    let slope = |r: L| r.mul_add(r.mul_add(L::of(3.0) * c, b + b), a);
     let dof = joint.dof as usize;
     let (first, second) = match joint.kind {
         JointKind::Free => (
-            (dof..dof + 3, slope(norm(&shift_from_rest(joint, q)))),
-            Some((dof + 3..dof + 6, slope(norm(&twist_from_rest(joint, &q[3..], 3, plastic))))),
+            (dof..dof + 3, slope(norm(&shift_from_rest(&rest, q)))),
+            Some((dof + 3..dof + 6, slope(norm(&twist_from_rest(&rest[3..], &q[3..]))))),
         ),
-        JointKind::Ball => ((dof..dof + 3, slope(norm(&twist_from_rest(joint, q, 0, plastic)))), None),
-        JointKind::Slide | JointKind::Hinge => ((dof..dof + 1, slope(q[0] - joint_rest(joint, plastic, 0))), None),
+        JointKind::Ball => ((dof..dof + 3, slope(norm(&twist_from_rest(&rest, q)))), None),
+        JointKind::Slide | JointKind::Hinge => ((dof..dof + 1, slope(q[0] - rest[0])), None),
     };
     std::iter::once(first).chain(second)
 }

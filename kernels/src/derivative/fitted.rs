@@ -86,7 +86,7 @@ fn single<L: Lane>(
     }
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            for (dofs, stiffness) in slopes(joint, &model.stiffness(j), state) {
+            for (dofs, stiffness) in slopes(model, (j, joint), state) {
                 dofs.for_each(|i| springs[i] = stiffness.max(L::zero()));
             }
         }
@@ -116,8 +116,8 @@ fn tendons<L: Lane>(
             continue;
         }
         let (zero, speed) = (L::zero(), tendons.velocity[t]);
-        let b = if damper { tendon_damper_slope(&model, t, speed).max(zero) } else { zero };
-        let k = if spring { tendon_spring_slope(tendon, tendons.length[t], plastic).max(zero) } else { zero };
+        let b = if damper { tendon_damper_slope(model, t, speed).max(zero) } else { zero };
+        let k = if spring { tendon_spring_slope(model, t, tendons.length[t], plastic).max(zero) } else { zero };
         let mut weight = zero;
         for (dof, j) in tendon::columns(&model, t, &tendons.jacobian) {
             weight = (j * j).mul_add(L::splat(model.dofs[dof].invweight), weight);

@@ -100,7 +100,7 @@ pub fn implicit<L: Lane>(model: Instance<'_, L>, state: &State<L>, stages: Stage
         }
         for (t, _) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.damped) {
             let Tendons { velocity, jacobian, .. } = stages.tendons;
-            let slope = h * tendon_damper_slope(&model, t, velocity[t]);
+            let slope = h * tendon_damper_slope(model, t, velocity[t]);
             tendon::add_square(&model, t, jacobian, slope, &mut out.lower);
         }
     }

@@ -3,7 +3,7 @@
 use crate::collision::{Collision, Contact};
 use crate::constraint::{Constraint, ContactRow, grow};
 use crate::lane::LaneQuery;
-use crate::model::{Model, Sides};
+use crate::model::{Instance, Sides};
 use crate::part::{Executor, OneByOne, Op, Part, Parts, Step};
 
 /// Numbers of all rows on joints and tendons; lists the contacts that act in some world, closer than their margin, with their numbers.
@@ -12,7 +12,7 @@ pub fn rows<L: LaneQuery>(step: &mut Step<'_, L>, alive: u32, executor: &mut dyn
     executor.run(Part::new(Op::Joints), alive, &mut act, step);
     let constraint = &mut step.ws.constraint;
     [constraint.joint_lanes, constraint.joint_cross] = act;
-    list(&step.model, &step.ws.collision, &mut step.ws.constraint);
+    list(step.model, &step.ws.collision, &mut step.ws.constraint);
     if !executor.measure(step, &mut measure) {
         OneByOne::run(executor, step, &mut measure);
     }
@@ -38,7 +38,7 @@ fn measure(parts: &mut dyn Parts) {
 }
 
 /// Lists the contacts that act in some world, and makes room for their numbers.
-fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
+fn list<L: LaneQuery>(model: Instance<'_, L>, collision: &Collision<L>, constraint: &mut Constraint<L>) {
     constraint.contact_rows.clear();
     (constraint.cross, constraint.coupled) = (constraint.joining() != 0, false);
     constraint.contact_lanes = 0;
@@ -48,7 +48,7 @@ fn list<L: LaneQuery>(model: &Model<L::Real>, collision: &Collision<L>, constrai
         if pair.rigid() {
             continue;
         }
-        let lanes = L::bits(Contact(&collision.found[slot.place as usize]).dist().lt(L::splat(pair.margin)));
+        let lanes = L::bits(Contact(&collision.found[slot.place as usize]).dist().lt(model.margin(slot.pair as usize)));
         if lanes == 0 {
             continue;
         }

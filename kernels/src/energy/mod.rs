@@ -6,7 +6,7 @@ use crate::lane::Lane;
 use crate::math::ldl;
 use crate::math::vec3::{add, dot, norm};
 use crate::model::{Instance, Joint, JointKind};
-use crate::passive::{joint_rest, shift_from_rest, tendon_spring_energy, twist_from_rest};
+use crate::passive::{Spring, joint_rest, shift_from_rest, tendon_spring_energy, twist_from_rest};
 use crate::position::Position;
 use crate::state::State;
 use crate::tendon::Tendons;
@@ -49,10 +49,11 @@ pub fn energy<L: Lane>(
     }
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            potential += spring_energy(joint, &model.stiffness(j), (&qpos[joint.qpos as usize..], plastic));
+            let own = Spring { stiffness: model.stiffness(j), rest: joint_rest(&model, j, plastic) };
+            potential += spring_energy(joint, &own, &qpos[joint.qpos as usize..]);
         }
-        for (tendon, length) in model.tendons.iter().zip(&tendons.length).filter(|(tendon, _)| tendon.spring) {
-            potential += tendon_spring_energy(tendon, *length, plastic);
+        for (t, _) in model.tendons.iter().enumerate().filter(|(_, tendon)| tendon.spring) {
+            potential += tendon_spring_energy(model, t, tendons.length[t], plastic);
         }
     }
     energy.potential[0] = potential;
@@ -66,16 +67,17 @@ pub fn energy<L: Lane>(
 
 /// ½ a r² + b r³/3 + c r⁴/4 of each stretched part of a joint.
 #[inline(always)]
-fn spring_energy<L: Lane>(joint: &Joint<L::Real>, [a, b, c]: &[L; 3], (q, plastic): (&[L], &[L])) -> L {
+fn spring_energy<L: Lane>(joint: &Joint<L::Real>, own: &Spring<L>, q: &[L]) -> L {
+    let Spring { stiffness: [a, b, c], rest } = own;
     let stored = |r: L| {
         let inner = r.mul_add(r.mul_add(*c * L::of(0.25), *b * L::of(1.0 / 3.0)), *a * L::of(0.5));
         inner * r * r
     };
     match joint.kind {
         JointKind::Free => {
-            stored(norm(&shift_from_rest(joint, q))) + stored(norm(&twist_from_rest(joint, &q[3..], 3, plastic)))
+            stored(norm(&shift_from_rest(rest, q))) + stored(norm(&twist_from_rest(&rest[3..], &q[3..])))
         }
-        JointKind::Ball => stored(norm(&twist_from_rest(joint, q, 0, plastic))),
-        JointKind::Slide | JointKind::Hinge => stored(q[0] - joint_rest(joint, plastic, 0)),
+        JointKind::Ball => stored(norm(&twist_from_rest(rest, q))),
+        JointKind::Slide | JointKind::Hinge => stored(q[0] - rest[0]),
     }
 }

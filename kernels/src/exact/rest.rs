@@ -141,22 +141,22 @@ impl<L: Lane> Rest<L> {
             return;
         }
         let mean_inertia = model.mean_inertia();
-        let problem =
-            solver::Problem { model: model.model, mean_inertia, position, tendons, inertia, acceleration, constraint };
+        let problem = solver::Problem { model, mean_inertia, position, tendons, inertia, acceleration, constraint };
         solver::stiffness_at(&problem, solver);
         hessian.iter_mut().zip(&solver.fields.hessian).for_each(|(sum, x)| *sum += x.value);
     }
 
     /// How many rows on joints and tendons, as they were last evaluated, are within [`EDGE`] of where they begin or cease to act, or to slide.
     pub fn edges(&self, model: &Model<L::Real>) -> L {
+        let instance = Instance { model, varied: self.varied.as_ref() };
         let Workspace { constraint, solver, .. } = &self.ws;
         let mut count = L::zero();
         for (law, y) in constraint.dof_laws().zip(&solver.jp.dof) {
             let (d, reference, mut far) = (law.d().value, law.reference().value, y.value);
             let size = (y.value - reference).abs() + reference.abs();
             if law.row.kind == DofRowKind::Friction {
-                far =
-                    y.value.abs() - solver::joints::bound(model, &law).value / L::select(d.gt(L::zero()), d, L::one());
+                far = y.value.abs()
+                    - solver::joints::bound(instance, &law).value / L::select(d.gt(L::zero()), d, L::one());
             }
             let there = far.abs().le(L::of(EDGE) * size) & d.gt(L::zero());
             count += L::select(there, L::one(), L::zero());
@@ -244,8 +244,7 @@ fn rows<L: Lane>(
         constraint.equality.lanes = u32::MAX;
     }
     let mean_inertia = model.mean_inertia();
-    let problem =
-        solver::Problem { model: model.model, mean_inertia, position, tendons, inertia, acceleration, constraint };
+    let problem = solver::Problem { model, mean_inertia, position, tendons, inertia, acceleration, constraint };
     solver::force_at(&problem, qacc, solver);
 }
 

@@ -93,7 +93,7 @@ pub fn again<L: LaneQuery>(
         ldl::multiply(&model.rows, &model.tree_pattern, &ws.inertia.m, qacc, inertial);
     }
     let problem = solver::Problem {
-        model,
+        model: instance,
         mean_inertia: instance.mean_inertia(),
         position: &ws.position,
         tendons: &ws.tendons,

@@ -242,13 +242,29 @@ table! {
     } T
 }
 
+impl<T: Copy> Impedance<T> {
+    /// Its numbers.
+    #[inline(always)]
+    pub fn numbers(&self) -> [T; 9] {
+        let Impedance { k, b, dmin, dmax, inverse_width, midpoint, power, low, high, .. } = *self;
+        [k, b, dmin, dmax, inverse_width, midpoint, power, low, high]
+    }
+}
+
 impl<T: Real> Impedance<T> {
     /// The same in all lanes.
     #[inline(always)]
     pub fn lanes<L: Lane<Real = T>>(&self) -> Impedance<L> {
-        let Impedance { flat, small_power, k, b, dmin, dmax, inverse_width, midpoint, power, low, high } = *self;
-        let numbers = [k, b, dmin, dmax, inverse_width, midpoint, power, low, high].map(L::splat);
-        let [k, b, dmin, dmax, inverse_width, midpoint, power, low, high] = numbers;
+        self.with(self.numbers().map(L::splat))
+    }
+
+    /// One of the same form with other numbers.
+    #[inline(always)]
+    pub fn with<L: Lane<Real = T>>(
+        &self,
+        [k, b, dmin, dmax, inverse_width, midpoint, power, low, high]: [L; 9],
+    ) -> Impedance<L> {
+        let Impedance { flat, small_power, .. } = *self;
         Impedance { flat, small_power, k, b, dmin, dmax, inverse_width, midpoint, power, low, high }
     }
 }
@@ -309,7 +325,7 @@ impl<T: Copy> Pair<T> {
     #[inline(always)]
     pub fn law(&self) -> [T; 17] {
         let Pair { margin, friction: [f1, f2, f3, f4, f5], friction_b, invweight, .. } = *self;
-        let Impedance { k, b, dmin, dmax, inverse_width, midpoint, power, low, high, .. } = self.impedance;
+        let [k, b, dmin, dmax, inverse_width, midpoint, power, low, high] = self.impedance.numbers();
         [margin, invweight, friction_b, f1, f2, f3, f4, f5, k, b, dmin, dmax, inverse_width, midpoint, power, low, high]
     }
 }
@@ -379,6 +395,19 @@ table! {
         /// Â: inverse weight of the joint's dofs, or of the tendon.
         pub invweight: T,
     } T
+}
+
+impl<T: Copy> Limit<T> {
+    /// Number of those numbers.
+    pub const NUMBERS: usize = 12;
+
+    /// Range, margin, impedance.
+    #[inline(always)]
+    pub fn numbers(&self) -> [T; 12] {
+        let ([x0, x1], [k, b, dmin, dmax, inverse_width, midpoint, power, low, high]) =
+            (self.range, self.impedance.numbers());
+        [x0, x1, self.margin, k, b, dmin, dmax, inverse_width, midpoint, power, low, high]
+    }
 }
 
 /// What an equality constraint holds.

@@ -41,6 +41,15 @@ table! {
     } T
 }
 
+impl<T: Copy> Tendon<T> {
+    /// First coefficients of stiffness and damping, and the lengths between which the spring rests.
+    #[inline(always)]
+    pub fn tension(&self) -> [T; 4] {
+        let [low, high] = self.rest;
+        [self.stiffness[0], self.damping[0], low, high]
+    }
+}
+
 impl<T> Tendon<T> {
     /// Whether its length is a sum over joints.
     #[inline(always)]

@@ -5,7 +5,7 @@
 
 use std::ops::Deref;
 
-use super::{Geom, Link, Model, Pair};
+use super::{Geom, Impedance, Limit, Link, Model, Pair, Tendon};
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::splat;
 
@@ -26,7 +26,7 @@ pub enum Quantity {
     Bias,
     /// Gear of each actuator, six numbers.
     Gear,
-    /// Friction and inverse weight of each pair, six numbers.
+    /// What contact rows of each pair depend on, 17 numbers, see [`Pair::law`], in place of [`Quantity::Law`].
     Grip,
     /// Mass, centre of mass and inertia of each link, ten numbers.
     Link,
@@ -46,6 +46,20 @@ pub enum Quantity {
     EqualityWeight,
     /// Principal moments of inertia of each MJCF body, three numbers.
     BodyInertia,
+    /// Range, margin and impedance of each limit, twelve numbers, see [`Limit::numbers`].
+    Limit,
+    /// Largest force of each dry friction.
+    Loss,
+    /// Where each joint's spring rests, seven numbers.
+    Rest,
+    /// Of each tendon, the first coefficients of stiffness and damping, and the lengths between which its spring rests.
+    Tension,
+    /// Bounds of each actuator's force, two numbers.
+    ForceRange,
+    /// Bounds of each control, two numbers.
+    ControlRange,
+    /// What each actuator's activation follows its control by, three numbers.
+    Times,
     /// Position, orientation and sizes of each geom, 15 numbers: shared by all worlds, see [`Quantity::SHARED`].
     Geom,
     /// Distance within which contacts of each pair are listed: likewise.
@@ -58,7 +72,7 @@ pub enum Quantity {
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 21] = [
+    pub const ALL: [Quantity; 28] = [
         Quantity::Gravity,
         Quantity::StillPotential,
         Quantity::Damping,
@@ -76,6 +90,13 @@ impl Quantity {
         Quantity::BodyMass,
         Quantity::EqualityWeight,
         Quantity::BodyInertia,
+        Quantity::Limit,
+        Quantity::Loss,
+        Quantity::Rest,
+        Quantity::Tension,
+        Quantity::ForceRange,
+        Quantity::ControlRange,
+        Quantity::Times,
         Quantity::Geom,
         Quantity::Include,
         Quantity::Law,
@@ -110,13 +131,15 @@ impl Quantity {
     /// Numbers of an element.
     pub const fn width(self) -> usize {
         match self {
-            Quantity::Gravity | Quantity::Gain | Quantity::Bias | Quantity::BodyInertia => 3,
-            Quantity::Gear | Quantity::Grip => 6,
+            Quantity::Gravity | Quantity::Gain | Quantity::Bias | Quantity::BodyInertia | Quantity::Times => 3,
+            Quantity::Gear => 6,
+            Quantity::Rest => 7,
             Quantity::Link => 10,
-            Quantity::Compensation => 4,
-            Quantity::EqualityWeight => 2,
+            Quantity::Compensation | Quantity::Tension => 4,
+            Quantity::EqualityWeight | Quantity::ForceRange | Quantity::ControlRange => 2,
             Quantity::Geom => 15,
-            Quantity::Law => Pair::<f64>::LAW,
+            Quantity::Limit => Limit::<f64>::NUMBERS,
+            Quantity::Grip | Quantity::Law => Pair::<f64>::LAW,
             _ => 1,
         }
     }
@@ -131,10 +154,6 @@ impl Quantity {
             Quantity::Gain => model.actuators.iter().flat_map(|actuator| actuator.gain).collect(),
             Quantity::Bias => model.actuators.iter().flat_map(|actuator| actuator.bias).collect(),
             Quantity::Gear => model.actuators.iter().flat_map(|actuator| actuator.gear).collect(),
-            Quantity::Grip => {
-                let grip = |pair: &Pair<T>| pair.friction.into_iter().chain([pair.invweight]);
-                model.pairs.iter().flat_map(grip).collect()
-            }
             Quantity::Link => {
                 let mass = |link: &Link<T>| [link.mass].into_iter().chain(link.com).chain(link.inertia);
                 model.links.iter().flat_map(mass).collect()
@@ -150,9 +169,16 @@ impl Quantity {
             Quantity::BodyInertia => model.bodies.iter().flat_map(|body| body.inertia).collect(),
             Quantity::BodyMass => model.bodies.iter().map(|body| body.mass).collect(),
             Quantity::EqualityWeight => model.equalities.iter().flat_map(|equality| equality.invweight).collect(),
+            Quantity::Limit => model.limits.iter().flat_map(Limit::numbers).collect(),
+            Quantity::Loss => model.friction_losses.iter().map(|loss| loss.bound).collect(),
+            Quantity::Rest => model.joints.iter().flat_map(|joint| joint.qpos_spring).collect(),
+            Quantity::Tension => model.tendons.iter().flat_map(Tendon::tension).collect(),
+            Quantity::ForceRange => model.actuators.iter().flat_map(|actuator| actuator.force_range).collect(),
+            Quantity::ControlRange => model.controls.iter().flat_map(|control| control.range).collect(),
+            Quantity::Times => model.actuators.iter().flat_map(|actuator| actuator.times).collect(),
             Quantity::Geom => model.geoms.iter().flat_map(Geom::numbers).collect(),
             Quantity::Include => model.pairs.iter().map(|pair| pair.include).collect(),
-            Quantity::Law => model.pairs.iter().flat_map(Pair::law).collect(),
+            Quantity::Grip | Quantity::Law => model.pairs.iter().flat_map(Pair::law).collect(),
             Quantity::Zero => vec![T::default()],
         }
     }
@@ -177,6 +203,13 @@ const NAMES: [&str; Quantity::ALL.len()] = [
     "BodyMass",
     "EqualityWeight",
     "BodyInertia",
+    "Limit",
+    "Loss",
+    "Rest",
+    "Tension",
+    "ForceRange",
+    "ControlRange",
+    "Times",
     "Geom",
     "Include",
     "Law",
@@ -445,21 +478,89 @@ impl<L: Lane> Instance<'_, L> {
         self.entry(Quantity::Include, pair).map_or_else(|| L::splat(self.pairs[pair].include), |[x]| x)
     }
 
-    /// What contact rows of a pair depend on.
+    /// What contact rows of a pair depend on: the worlds' own numbers, or those that they share.
     #[inline(always)]
     pub fn law(&self, pair: usize) -> [L; Pair::<f64>::LAW] {
-        self.entry(Quantity::Law, pair).unwrap_or_else(|| splat(&self.pairs[pair].law()))
+        let own = self.entry(Quantity::Grip, pair).or_else(|| self.entry(Quantity::Law, pair));
+        own.unwrap_or_else(|| splat(&self.pairs[pair].law()))
+    }
+
+    /// Distance below which contacts of a pair act.
+    #[inline(always)]
+    pub fn margin(&self, pair: usize) -> L {
+        let lanes = self.varied.map_or(&[][..], |varied| varied.lanes(Quantity::Grip));
+        lanes.get(Pair::<f64>::LAW * pair).copied().unwrap_or_else(|| L::splat(self.pairs[pair].margin))
+    }
+
+    /// Range, margin and impedance of a limit.
+    #[inline(always)]
+    pub fn limit(&self, limit: usize) -> ([L; 2], L, Impedance<L>) {
+        let own = &self.limits[limit];
+        let [low, high, margin, impedance @ ..] =
+            self.entry(Quantity::Limit, limit).unwrap_or_else(|| splat(&own.numbers()));
+        ([low, high], margin, own.impedance.with(impedance))
+    }
+
+    /// Largest force of a dry friction.
+    #[inline(always)]
+    pub fn loss(&self, loss: usize) -> L {
+        self.entry(Quantity::Loss, loss).map_or_else(|| L::splat(self.friction_losses[loss].bound), |[x]| x)
+    }
+
+    /// Where a joint's spring rests that does not yield.
+    #[inline(always)]
+    pub fn rest(&self, joint: usize) -> [L; 7] {
+        self.entry(Quantity::Rest, joint).unwrap_or_else(|| splat(&self.joints[joint].qpos_spring))
+    }
+
+    /// First coefficients of a tendon's stiffness and damping, and the lengths between which its spring rests that does not yield.
+    #[inline(always)]
+    fn tension(&self, tendon: usize) -> [L; 4] {
+        self.entry(Quantity::Tension, tendon).unwrap_or_else(|| splat(&self.tendons[tendon].tension()))
+    }
+
+    /// Coefficients of a tendon's spring.
+    #[inline(always)]
+    pub fn tendon_stiffness(&self, tendon: usize) -> [L; 3] {
+        let [_, b, c] = splat(&self.tendons[tendon].stiffness);
+        [self.tension(tendon)[0], b, c]
+    }
+
+    /// Coefficients of a tendon's damper.
+    #[inline(always)]
+    pub fn tendon_damping(&self, tendon: usize) -> [L; 3] {
+        let [_, b, c] = splat(&self.tendons[tendon].damping);
+        [self.tension(tendon)[1], b, c]
+    }
+
+    /// The lengths between which a tendon's spring rests that does not yield.
+    #[inline(always)]
+    pub fn tendon_rest(&self, tendon: usize) -> [L; 2] {
+        let [_, _, low, high] = self.tension(tendon);
+        [low, high]
+    }
+
+    /// Bounds of an actuator's force.
+    #[inline(always)]
+    pub fn force_range(&self, actuator: usize) -> [L; 2] {
+        self.entry(Quantity::ForceRange, actuator).unwrap_or_else(|| splat(&self.actuators[actuator].force_range))
+    }
+
+    /// Bounds of a control.
+    #[inline(always)]
+    pub fn control_range(&self, control: usize) -> [L; 2] {
+        self.entry(Quantity::ControlRange, control).unwrap_or_else(|| splat(&self.controls[control].range))
+    }
+
+    /// What an actuator's activation follows its control by.
+    #[inline(always)]
+    pub fn times(&self, actuator: usize) -> [L; 3] {
+        self.entry(Quantity::Times, actuator).unwrap_or_else(|| splat(&self.actuators[actuator].times))
     }
 
     /// A zero.
     #[inline(always)]
     pub fn zero(&self) -> L {
         self.entry(Quantity::Zero, 0).map_or_else(L::zero, |[x]| x)
-    }
-
-    /// Friction of a pair's contacts and its inverse weight, if they vary.
-    #[inline(always)]
-    pub fn grip(&self, pair: usize) -> Option<[L; 6]> {
-        self.entry(Quantity::Grip, pair)
     }
 }

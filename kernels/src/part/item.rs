@@ -101,7 +101,7 @@ impl Item<'_> {
                     jacobian,
                     13 * place,
                     law,
-                    6 * pair,
+                    Quantity::Grip.width() * pair,
                     dof,
                     trees[0],
                     trees[1],

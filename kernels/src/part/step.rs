@@ -62,7 +62,7 @@ impl<L: Lane> Step<'_, L> {
     pub fn solver(&mut self) -> (Problem<'_, L>, &[L], &mut SolverWork<L>) {
         let Workspace { position, tendons, inertia, metric, acceleration, constraint, solver, .. } = &mut *self.ws;
         let inertia = metric.as_deref().unwrap_or(inertia);
-        let (model, mean_inertia) = (self.model.model, self.model.mean_inertia());
+        let (model, mean_inertia) = (self.model, self.model.mean_inertia());
         let problem = Problem { model, mean_inertia, position, tendons, inertia, acceleration, constraint };
         (problem, &self.state.qacc_warmstart, solver)
     }

@@ -50,7 +50,8 @@ pub fn passive<L: Lane>(
     passive.qfrc_passive.fill(L::zero());
     if model.features.springs {
         for (j, joint) in model.joints.iter().enumerate().filter(|(_, joint)| joint.spring) {
-            spring(joint, &model.stiffness(j), (qpos, plastic), &mut passive.qfrc_passive);
+            let own = Spring { stiffness: model.stiffness(j), rest: joint_rest(&model, j, plastic) };
+            spring(joint, &own, qpos, &mut passive.qfrc_passive);
         }
     }
     if model.features.dampers {
@@ -58,7 +59,7 @@ pub fn passive<L: Lane>(
             passive.qfrc_passive[i] -= damper(model, i, qvel[i]);
         }
     }
-    tendons::add(&model, (tendons, plastic), &mut passive.qfrc_passive);
+    tendons::add(model, (tendons, plastic), &mut passive.qfrc_passive);
     fluid::add(model, position, velocity, &mut passive.qfrc_passive);
     ellipsoid::add(model, position, velocity, &mut passive.qfrc_passive);
     if model.features.gravcomp {
@@ -77,21 +78,30 @@ fn stiffness<L: Lane>([a, b, c]: &[L; 3], r: L) -> L {
     r.mul_add(r.mul_add(*c, *b), *a)
 }
 
-/// Rotation vector by which a ball (or the rotation of a free joint) is turned from its spring's rest, child frame.
+/// Rotation vector by which a ball (or the rotation of a free joint) is turned from where its spring rests, child frame.
 #[inline(always)]
-pub(crate) fn twist_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L], rest: usize, plastic: &[L]) -> [L; 3] {
-    let rest = build(|k| joint_rest(joint, plastic, rest + k));
+pub(crate) fn twist_from_rest<L: Lane>(rest: &[L], q: &[L]) -> [L; 3] {
+    let rest = build(|k| rest[k]);
     quat::log(&quat::mul(&quat::conjugate(&rest), &quat::unit(&[q[0], q[1], q[2], q[3]])))
 }
 
-/// Displacement of a free joint's position from its spring's rest.
+/// Displacement of a free joint's position from where its spring rests.
 #[inline(always)]
-pub(crate) fn shift_from_rest<L: Lane>(joint: &Joint<L::Real>, q: &[L]) -> [L; 3] {
-    build(|k| q[k] - L::splat(joint.qpos_spring[k]))
+pub(crate) fn shift_from_rest<L: Lane>(rest: &[L], q: &[L]) -> [L; 3] {
+    build(|k| q[k] - rest[k])
+}
+
+/// A joint's spring.
+pub(crate) struct Spring<L> {
+    /// Coefficients of its force.
+    pub stiffness: [L; 3],
+    /// Where it rests.
+    pub rest: [L; 7],
 }
 
 #[inline(always)]
-fn spring<L: Lane>(joint: &Joint<L::Real>, spring: &[L; 3], (qpos, plastic): (&[L], &[L]), force: &mut [L]) {
+fn spring<L: Lane>(joint: &Joint<L::Real>, own: &Spring<L>, qpos: &[L], force: &mut [L]) {
+    let Spring { stiffness: spring, rest } = own;
     let q = &qpos[joint.qpos as usize..];
     let out = &mut force[joint.dof as usize..];
     let mut pull = |at: usize, d: &[L; 3]| {
@@ -102,12 +112,12 @@ fn spring<L: Lane>(joint: &Joint<L::Real>, spring: &[L; 3], (qpos, plastic): (&[
     };
     match joint.kind {
         JointKind::Free => {
-            pull(0, &shift_from_rest(joint, q));
-            pull(3, &twist_from_rest(joint, &q[3..], 3, plastic));
+            pull(0, &shift_from_rest(rest, q));
+            pull(3, &twist_from_rest(&rest[3..], &q[3..]));
         }
-        JointKind::Ball => pull(0, &twist_from_rest(joint, q, 0, plastic)),
+        JointKind::Ball => pull(0, &twist_from_rest(rest, q)),
         JointKind::Slide | JointKind::Hinge => {
-            let x = q[0] - joint_rest(joint, plastic, 0);
+            let x = q[0] - rest[0];
             out[0] -= stiffness(spring, x) * x;
         }
     }

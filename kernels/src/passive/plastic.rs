@@ -5,20 +5,26 @@ use super::twist_from_rest;
 use crate::lane::Lane;
 use crate::math::quat;
 use crate::math::vec3::{build, norm, scale, select};
-use crate::model::{Joint, JointKind, Model, NONE, Tendon};
+use crate::model::{Instance, JointKind, Model, NONE, Tendon};
 use crate::state::State;
 use crate::tendon::{self, Tendons};
 
-/// A number of where a joint's spring rests.
+/// Where a joint's spring rests.
 #[inline(always)]
-pub(crate) fn joint_rest<L: Lane>(joint: &Joint<L::Real>, plastic: &[L], k: usize) -> L {
-    if joint.plastic == NONE { L::splat(joint.qpos_spring[k]) } else { plastic[joint.plastic as usize + k] }
+pub(crate) fn joint_rest<L: Lane>(model: &Instance<'_, L>, j: usize, plastic: &[L]) -> [L; 7] {
+    let (joint, mut rest) = (&model.joints[j], model.rest(j));
+    if joint.plastic != NONE {
+        let count = if joint.kind == JointKind::Ball { 4 } else { 1 };
+        rest[..count].copy_from_slice(&plastic[joint.plastic as usize..][..count]);
+    }
+    rest
 }
 
 /// The lengths between which a tendon's spring rests.
 #[inline(always)]
-pub(super) fn tendon_rest<L: Lane>(tendon: &Tendon<L::Real>, plastic: &[L]) -> [L; 2] {
-    if tendon.plastic == NONE { tendon.rest.map(L::splat) } else { build(|k| plastic[tendon.plastic as usize + k]) }
+pub(super) fn tendon_rest<L: Lane>(model: &Instance<'_, L>, t: usize, plastic: &[L]) -> [L; 2] {
+    let at = model.tendons[t].plastic;
+    if at == NONE { model.tendon_rest(t) } else { build(|k| plastic[at as usize + k]) }
 }
 
 /// Moves where springs rest after a step that has led to a state, in the lanes of `moved`. Lengths of tendons that run along a path are
@@ -32,7 +38,7 @@ pub fn yield_springs<L: Lane>(model: &Model<L::Real>, tendons: &Tendons<L>, move
         let most = L::splat(joint.springyield);
         if joint.kind == JointKind::Ball {
             let rest: [L; 4] = build(|k| state.plastic[at + k]);
-            let twist = twist_from_rest(joint, q, 0, &state.plastic);
+            let twist = twist_from_rest(&rest, q);
             let (angle, zero) = (norm(&twist), L::zero());
             let beyond = angle.gt(most);
             let share = L::select(beyond, (angle - most) / L::select(beyond, angle, L::one()), zero);

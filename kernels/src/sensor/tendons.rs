@@ -38,7 +38,7 @@ pub fn pushes<L: Lane>(model: Instance<'_, L>, stages: &Stages<'_, L>, plastic: 
 /// Force along a tendon, that of a push: of springs, dampers, actuators and rows, less what its armature takes.
 fn along<L: Lane>(model: Instance<'_, L>, t: usize, stages: &Stages<'_, L>, plastic: &[L]) -> L {
     let Stages { position, tendons, velocity, actuation, constraint, solver, .. } = stages;
-    let mut force = -passive::tension(&model, tendons, t, plastic);
+    let mut force = -passive::tension(model, tendons, t, plastic);
     let driven = |a: &usize| model.actuators[*a].tendon as usize == t;
     // A model whose actuators are switched off has no such forces.
     for a in (0..actuation.force.len()).filter(driven) {

@@ -189,7 +189,7 @@ fn survey_apart<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, x: &[L], re
 #[inline(always)]
 pub fn rates_apart<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, x: &[L], y: &mut [L]) {
     y.fill(L::zero());
-    for (dof, column) in columns(problem.model, problem.constraint, row) {
+    for (dof, column) in columns(&problem.model, problem.constraint, row) {
         for (y, j) in y.iter_mut().zip(column) {
             *y = j.mul_add(x[dof], *y);
         }
@@ -199,7 +199,7 @@ pub fn rates_apart<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, x: &[L],
 /// Adds Jᵀf of a contact between trees.
 #[inline(always)]
 pub fn pull_apart<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, force: &[L], out: &mut [L]) {
-    for (dof, column) in columns(problem.model, problem.constraint, row) {
+    for (dof, column) in columns(&problem.model, problem.constraint, row) {
         for (f, j) in force.iter().zip(column) {
             out[dof] = j.mul_add(*f, out[dof]);
         }

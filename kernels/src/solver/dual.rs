@@ -279,7 +279,7 @@ fn fill<L: Lane>(problem: &Problem<'_, L>, row: &ContactRow, place: &Whitened, d
     let (b, width) = (&mut contacts[place.rows(row)], place.width());
     b.fill(L::zero());
     if row.sides != Sides::One {
-        for (dof, column) in contact::columns(model, constraint, row) {
+        for (dof, column) in contact::columns(&model, constraint, row) {
             marks[dof] = true;
             let at = place.at(dof);
             column.iter().enumerate().for_each(|(i, j)| b[i * width + at] = *j);

@@ -12,7 +12,7 @@ pub fn force_at<L: Lane>(problem: &Problem<'_, L>, qacc: &[L], work: &mut Solver
         return;
     }
     work.fit(problem.constraint);
-    touch(problem.model, problem.constraint, work);
+    touch(&problem.model, problem.constraint, work);
     rows::at_acceleration(problem, work);
     std::mem::swap(&mut work.force, &mut work.spare);
     rows::transpose(problem, work);

@@ -5,7 +5,7 @@ use super::edges::{add_slope, stays};
 use crate::constraint::{DofLaw, DofRowKind};
 use crate::lane::{Lane, Mask};
 use crate::math::vec3::dot;
-use crate::model::{Model, NONE};
+use crate::model::{Instance, NONE};
 use crate::tendon;
 
 /// out = J x.
@@ -15,7 +15,7 @@ pub fn rates<L: Lane>(problem: &Problem<'_, L>, x: &[L], out: &mut [L]) {
     for (law, y) in constraint.dof_laws().zip(out) {
         let rate = match law.row.tendon {
             NONE => x[law.row.dof as usize],
-            tendon => tendon::rate(model, tendon as usize, &tendons.jacobian, x),
+            tendon => tendon::rate(&model, tendon as usize, &tendons.jacobian, x),
         };
         let x = &x[law.row.dof as usize..];
         *y = match law.row.kind {
@@ -39,13 +39,13 @@ pub fn survey<L: Lane>(problem: &Problem<'_, L>, x: &[L], y: &mut [L]) -> L {
 
 /// Largest force of a dry friction.
 #[inline(always)]
-pub fn bound<L: Lane>(model: &Model<L::Real>, law: &DofLaw<'_, L>) -> L {
-    L::splat(model.friction_losses[law.row.id as usize].bound)
+pub fn bound<L: Lane>(model: Instance<'_, L>, law: &DofLaw<'_, L>) -> L {
+    model.loss(law.row.id as usize)
 }
 
 /// Force of a row at y, and its derivative's negative: the row's stiffness.
 #[inline(always)]
-pub fn force<L: Lane>(model: &Model<L::Real>, law: &DofLaw<'_, L>, y: L) -> (L, L) {
+pub fn force<L: Lane>(model: Instance<'_, L>, law: &DofLaw<'_, L>, y: L) -> (L, L) {
     let (zero, d) = (L::zero(), law.d());
     let pull = d * y;
     if law.row.kind == DofRowKind::Friction {
@@ -95,7 +95,7 @@ pub fn pull<L: Lane>(problem: &Problem<'_, L>, force: &[L], qfrc_constraint: &mu
     for (law, force) in constraint.dof_laws().zip(force) {
         if law.row.tendon != NONE {
             let force = signed(&law, *force);
-            tendon::pull(model, law.row.tendon as usize, &tendons.jacobian, force, qfrc_constraint);
+            tendon::pull(&model, law.row.tendon as usize, &tendons.jacobian, force, qfrc_constraint);
             continue;
         }
         let out = &mut qfrc_constraint[law.row.dof as usize..];
@@ -121,7 +121,7 @@ pub fn stiffen<L: Lane>(problem: &Problem<'_, L>, y: &[L], hessian: &mut [L]) {
         let (_, k) = force(model, &law, *y);
         let dof = law.row.dof as usize;
         if law.row.tendon != NONE {
-            let columns = tendon::columns(model, law.row.tendon as usize, &tendons.jacobian);
+            let columns = tendon::columns(&model, law.row.tendon as usize, &tendons.jacobian);
             for (n, (i, row)) in columns.clone().enumerate() {
                 for (j, column) in columns.clone().take(n + 1) {
                     let entry = &mut hessian[rows.at(i, j)];

@@ -52,7 +52,7 @@ use crate::constraint::{Constraint, grow};
 use crate::fields::fields;
 use crate::inertia::Inertia;
 use crate::lane::Lane;
-use crate::model::{Capacity, Model, NONE, Pattern, Sides};
+use crate::model::{Capacity, Instance, Model, NONE, Pattern, Sides};
 use crate::options;
 use crate::position::Position;
 use crate::stage::Stage;
@@ -107,7 +107,7 @@ fields! {
 #[derive(Clone, Copy, Debug)]
 pub struct Problem<'a, L: Lane> {
     /// Model.
-    pub model: &'a Model<L::Real>,
+    pub model: Instance<'a, L>,
     /// Mean inertia, which scales tolerances.
     pub mean_inertia: L,
     /// Poses and dof axes.

@@ -12,7 +12,7 @@ pub fn sweep_rows<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut S
     let SolverWork { dual, force, .. } = work;
     let (before, mut gain) = (dual.bias.equality.len(), L::zero());
     for (r, law) in constraint.dof_laws().enumerate().filter(|(_, law)| law.row.kind == DofRowKind::Friction) {
-        let (bound, row) = (joints::bound(model, &law), before + r);
+        let (bound, row) = (joints::bound(*model, &law), before + r);
         let residual = dual.residual_of_row(row, dual.bias.dof[r]);
         let (change, fall) = pgs::scalar(&mut force.dof[r], residual, dual.diagonal[row], -bound, bound, open);
         gain += fall;

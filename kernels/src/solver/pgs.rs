@@ -76,7 +76,7 @@ pub fn sweep_rows<L: Lane>(problem: &Problem<'_, L>, open: L::Mask, work: &mut S
     }
     for (r, law) in constraint.dof_laws().enumerate() {
         let bounds = match law.row.kind {
-            DofRowKind::Friction => [-joints::bound(model, &law), joints::bound(model, &law)],
+            DofRowKind::Friction => [-joints::bound(*model, &law), joints::bound(*model, &law)],
             _ => [L::zero(), most],
         };
         sweep(dual, equality.d.len() + r, dual.bias.dof[r], law.d(), &mut force.dof[r], bounds);

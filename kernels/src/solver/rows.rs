@@ -11,7 +11,7 @@ use crate::model::{NONE, Sides};
 pub fn apply<L: Lane>(problem: &Problem<'_, L>, x: &[L], twist: &mut [[L; 6]], out: &mut RowVector<L>) {
     let constraint = problem.constraint;
     if !constraint.contact_rows.is_empty() {
-        tree::twists(problem.model, &problem.position.cdof, x, twist);
+        tree::twists(&problem.model, &problem.position.cdof, x, twist);
     }
     joints::rates(problem, x, &mut out.dof);
     equality::rates(problem, x, &mut out.equality);

@@ -40,9 +40,9 @@ pub fn direct<L: LaneQuery>(problem: &Problem<'_, L>, rows: &[ContactRow], open:
     let (model, strips) = (problem.model, &problem.model.own.spans);
     work.sparse.worlds.resize_with(L::WIDTH, Factor::default);
     for (lane, world) in of(open, &mut work.sparse.worlds) {
-        world.pattern.find(model, rows, lane);
+        world.pattern.find(&model, rows, lane);
         world.clear();
-        spread(model, &work.fields.hessian, lane, world);
+        spread(&model, &work.fields.hessian, lane, world);
     }
     for row in rows.iter().filter(|row| row.sides != Sides::One && row.lanes & open != 0) {
         couple(problem, row, open, work);
