@@ -293,3 +293,28 @@ def test_rollouts_have_mujocos_sensordata() -> None:
     assert np.abs((found - wanted) / scale).max() < 1e-6
     _, again, recorded = lanesim.rollout(model, start, control, outputs=["sensordata"])
     assert np.array_equal(again, found) and np.array_equal(recorded["sensordata"], found)
+
+
+def test_velocities_of_subtrees_are_mujocos(rng) -> None:
+    path = MODELS / "zoo" / "humanoid27.xml"
+    m = mujoco.MjModel.from_xml_path(str(path))
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_path(path), 4, "f64", 1)
+    worlds.set("qvel", rng.normal(0, 1, (4, m.nv)))
+    got = worlds.get("subtree_linvel")
+    for world in range(4):
+        data = mujoco.MjData(m)
+        data.qpos[:], data.qvel[:] = worlds.qpos[world], worlds.qvel[world]
+        mujoco.mj_fwdPosition(m, data)
+        mujoco.mj_fwdVelocity(m, data)
+        mujoco.mj_subtreeVel(m, data)
+        np.testing.assert_allclose(got[world], data.subtree_linvel, rtol=0, atol=1e-10)
+
+
+def test_bodies_without_mass_and_ranges_of_free_joints_are_taken_over() -> None:
+    exact = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody>
+          <body quat=".7071068 .7071068 0 0"><inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/>
+            <body><joint/><geom size=".1"/></body></body>
+          <body pos="0 0 1"><joint type="free" range="-60 60"/><geom size=".1"/></body></worldbody></mujoco>"""
+    )
+    same(exact, lanesim.Model.from_mjmodel(exact))

@@ -129,26 +129,42 @@ pub(super) fn integers<'a, L: LaneQuery>(world: World<'a, L>, name: &str) -> &'a
 
 /// Centre of mass of each body and its descendants; the body's own where they have no mass.
 pub(super) fn subtree_com<'a, L: LaneQuery>(world: World<'_, L>, poses: &'a mut Poses) -> &'a [DVec3] {
-    let Poses { centres, moments, masses, .. } = poses;
+    let Poses { centres, .. } = &mut *poses;
     centres.clear();
     centres.extend(world.model.placements().inertials.iter().map(|p| position(world, p)));
-    masses.clear();
-    of_bodies(world, Quantity::BodyMass, "body_mass", masses);
-    moments.clear();
-    moments.extend(centres.iter().zip(masses.iter()).map(|(x, m)| *x * *m));
-    let parents = integers(world, "body_parentid");
-    for b in (1..centres.len()).rev() {
-        let parent = parents[b] as usize;
-        masses[parent] += masses[b];
-        let carried = moments[b];
-        moments[parent] += carried;
-    }
+    poses.sum_up(world, &|body, centres| centres[body]);
+    let Poses { centres, moments, masses, .. } = poses;
     for (centre, (moment, mass)) in centres.iter_mut().zip(moments.iter().zip(masses.iter())) {
         if *mass >= f64::MINVAL {
             *centre = *moment / *mass;
         }
     }
     centres
+}
+
+/// Velocities of the centres of mass of bodies and their descendants; zero where there is no mass.
+pub(super) fn subtree_linvel<L: LaneQuery>(world: World<'_, L>, poses: &mut Poses, out: &mut Vec<f64>) {
+    let inertials = &world.model.placements().inertials;
+    poses.sum_up(world, &|body, _| com_velocity(world, &inertials[body], position(world, &inertials[body]))[1]);
+    let mean = |(momentum, mass): (&DVec3, &f64)| if *mass >= f64::MINVAL { *momentum / *mass } else { DVec3::ZERO };
+    out.extend(poses.moments.iter().zip(&poses.masses).flat_map(|own| mean(own).to_array()));
+}
+
+impl Poses {
+    /// Masses of bodies with their descendants, and sums of what `of` gives for each, times its mass.
+    fn sum_up<L: LaneQuery>(&mut self, world: World<'_, L>, of: &dyn Fn(usize, &[DVec3]) -> DVec3) {
+        let Poses { centres, moments, masses, .. } = self;
+        masses.clear();
+        of_bodies(world, Quantity::BodyMass, "body_mass", masses);
+        moments.clear();
+        moments.extend(masses.iter().enumerate().map(|(body, mass)| of(body, centres) * *mass));
+        let parents = integers(world, "body_parentid");
+        for b in (1..masses.len()).rev() {
+            let (parent, mass, carried) = (parents[b] as usize, masses[b], moments[b]);
+            masses[parent] += mass;
+            moments[parent] += carried;
+        }
+    }
 }
 
 pub(super) fn anchors<L: LaneQuery>(world: World<'_, L>, out: &mut Vec<f64>) {

@@ -256,6 +256,13 @@ impl<L: LaneQuery> Table<L> {
             |w, _, out| frames::velocities(w, out),
         ),
         Entry::of(
+            "subtree_linvel",
+            &[NBODY, THREE],
+            ("velocity of the centre of mass of each body and its descendants", "m/s"),
+            Stage::Velocity,
+            frames::subtree_linvel,
+        ),
+        Entry::of(
             "cacc",
             &[NBODY, SIX],
             ("accelerations of bodies like cvel, that of gravity upwards in them", "rad/s^2, m/s^2"),
