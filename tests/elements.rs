@@ -97,8 +97,9 @@ impl Numbers {
                 Parameter::TendonSolref => scaled[2..].copy_from_slice(&nominal[2..]),
                 // Where the free and the ball joint rest is where they are in the reference configuration.
                 Parameter::QposSpring => {
-                    let (free, ball) = ([0..7], [8..12]);
-                    free.into_iter().chain(ball).for_each(|at| scaled[at.clone()].copy_from_slice(&nominal[at]));
+                    for at in [0..7, 8..12] {
+                        scaled[at.clone()].copy_from_slice(&nominal[at]);
+                    }
                 }
                 // What has no effect.
                 Parameter::ActuatorDynprm => scaled[0] = nominal[0],

@@ -149,10 +149,16 @@ fn leans(solid: &Solid<'_>, d: DVec3, k: usize) -> bool {
     2.0 * solid.size[k] * d[k].abs() > TOGETHER * solid.extent
 }
 
+/// Most corners that are looked at of those that touch together.
+const SPOTS: usize = 32;
+
 /// What of a hull touches: how many of a face's corners do where most do.
 struct Touched<'a> {
     hull: &'a Hull,
     top: u32,
+    /// The corners that touch, the farthest first, then their neighbours: of a flat side with small slivers beside it, the farthest may be a
+    /// corner of slivers alone.
+    spots: ArrayVec<u32, SPOTS>,
     direction: DVec3,
     least: f64,
     most: usize,
@@ -162,9 +168,30 @@ impl<'a> Touched<'a> {
     fn new(hull: &'a Hull, solid: &Solid<'_>, direction: DVec3) -> Self {
         let top = hull.support(direction.to_array());
         let least = vertex(hull, top).dot(direction) - TOGETHER * solid.extent;
-        let mut touched = Touched { hull, top, direction, least, most: 0 };
-        touched.most = hull.faces_at(top).map(|face| touched.count(face)).max().unwrap_or(0).min(3);
+        let mut touched = Touched { hull, top, spots: ArrayVec::new(), direction, least, most: 0 };
+        touched.find_spots();
+        touched.most = touched.faces_at_spots().map(|face| touched.count(face)).max().unwrap_or(0).min(3);
         touched
+    }
+
+    fn find_spots(&mut self) {
+        self.spots.push(self.top);
+        let mut next = 0;
+        while let Some(&spot) = self.spots.get(next) {
+            next += 1;
+            for neighbour in self.hull.neighbours(spot) {
+                if self.touches(*neighbour) && !self.spots.contains(neighbour) && !self.spots.is_full() {
+                    self.spots.push(*neighbour);
+                }
+            }
+        }
+    }
+
+    /// The faces that meet at the corners that touch, each once.
+    fn faces_at_spots(&self) -> impl Iterator<Item = &'a HullFace> {
+        let met = |before: usize, face: &HullFace| self.spots[..before].iter().any(|spot| face.corners.contains(spot));
+        let spots = self.spots.iter().enumerate();
+        spots.flat_map(move |(i, spot)| self.hull.faces_at(*spot).filter(move |face| !met(i, face)))
     }
 
     fn touches(&self, corner: u32) -> bool {
@@ -176,7 +203,7 @@ impl<'a> Touched<'a> {
     }
 
     fn faces(&self) -> impl Iterator<Item = &'a HullFace> {
-        self.hull.faces_at(self.top).filter(|face| self.count(face) >= self.most)
+        self.faces_at_spots().filter(|face| self.count(face) >= self.most)
     }
 
     /// None where a face touches, the one that touches, or all that meet at the corner.

@@ -145,40 +145,49 @@ impl Parameter {
         if let Some(i) = find(&|i| values[i] != own[i] && !self.counts(model, i) && !sprung) {
             return wrong(i, &format!("the model's {}, since it has no effect", own[i]));
         }
-        let counts = |i: usize| self.counts(model, i);
-        let pairs = |bad: &dyn Fn(usize, f64, f64) -> bool| {
-            (0..values.len() / 2)
-                .find(|k| counts(2 * k + 1) && bad(*k, values[2 * k], values[2 * k + 1]))
-                .map(|k| 2 * k)
+        match self.flaw(model, values) {
+            Some((i, expected)) => wrong(i, expected),
+            None => self.check_form(model, world, values),
+        }
+    }
+
+    /// The first number that is none of those that there can be, and what would be one. What is as in the model is right.
+    fn flaw(self, model: &Model, values: &[f64]) -> Option<(usize, &'static str)> {
+        let own = self.of(model);
+        let changed = |i: usize| values[i] != own[i];
+        let pairs = |bad: &dyn Fn(usize, [f64; 2]) -> bool| {
+            let pair = |k: usize| [values[2 * k], values[2 * k + 1]];
+            let ours = |k: usize| changed(2 * k) || changed(2 * k + 1);
+            (0..values.len() / 2).find(|k| ours(*k) && bad(*k, pair(*k))).map(|k| 2 * k)
         };
-        let found = match self {
+        match self {
             Parameter::DofFrictionloss
             | Parameter::TendonFrictionloss
             | Parameter::TendonStiffness
             | Parameter::TendonDamping
             | Parameter::ActuatorDynprm => {
-                find(&|i| values[i] < 0.0).map(|i| (i, "a number that is not negative".to_string()))
+                let found = (0..values.len()).find(|i| changed(*i) && values[*i] < 0.0);
+                found.map(|i| (i, "a number that is not negative"))
             }
-            Parameter::QposSpring => no_rotation(model, values).map(|i| (i, "a quaternion of length 1".to_string())),
+            Parameter::QposSpring => no_rotation(model, values).map(|i| (i, "a quaternion of length 1")),
             Parameter::JntRange | Parameter::TendonRange => {
                 let margin = if self == Parameter::JntRange { "jnt_margin" } else { "tendon_margin" };
-                let least = |k: usize| 2.0 * real(model, margin)[k];
-                let narrow = |k: usize, low: f64, high: f64| !(low + least(k) < high);
-                pairs(&narrow).map(|i| (i, "a lower end, then an upper one beyond both margins".to_string()))
+                // Of a range that is wider than both margins, one end acts at a time.
+                let wide = |k: usize, [low, high]: [f64; 2]| low + 2.0 * real(model, margin)[k] < high;
+                let narrow = |k: usize, new: [f64; 2]| {
+                    !wide(k, new) && (wide(k, [own[2 * k], own[2 * k + 1]]) || new[0] > new[1])
+                };
+                pairs(&narrow).map(|i| (i, "a lower end, then an upper one beyond both margins"))
             }
             Parameter::TendonLengthspring | Parameter::ActuatorForcerange | Parameter::ActuatorCtrlrange => {
-                let expected = "a lower end that is not above the upper one".to_string();
-                pairs(&|_, low, high| low > high).map(|i| (i, expected))
+                pairs(&|_, [low, high]| low > high).map(|i| (i, "a lower end that is not above the upper one"))
             }
             Parameter::JntSolref | Parameter::TendonSolref | Parameter::GeomSolref => {
+                let mixed = |_, [time, ratio]: [f64; 2]| (time > 0.0) != (ratio > 0.0);
                 let expected = "two positive numbers (time, damping ratio), or two that are not (-stiffness, -damping)";
-                pairs(&|_, time, ratio| (time > 0.0) != (ratio > 0.0)).map(|i| (i, expected.to_string()))
+                pairs(&mixed).map(|i| (i, expected))
             }
             _ => None,
-        };
-        match found {
-            Some((i, expected)) => wrong(i, &expected),
-            None => self.check_form(model, world, values),
         }
     }
 
