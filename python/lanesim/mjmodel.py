@@ -386,7 +386,8 @@ class _Writer:
                 vertices, faces = self._mesh(i)
                 written = {"vertex": vertices.ravel(), "face": faces.ravel()}
                 # Bodies have their masses, so any way of finding the mesh's own does. Its frame is as MuJoCo found it: of a
-                # symmetric mesh rounding could turn the axes once more.
+                # symmetric mesh rounding could turn the axes once more. In its file's axes MuJoCo tells flat faces apart.
+                written |= {"refpos": m.mesh_pos[i], "refquat": m.mesh_quat[i]}
                 assets.add("mesh", name=self._mesh_name(i), inertia="shell", centered=True, **written)
 
     def _sensed(self, tag: str, s: int) -> dict[str, Any]:
@@ -469,11 +470,16 @@ class _Writer:
         return str(self.m.mesh(mesh).name or f"mesh {mesh}")
 
     def _mesh(self, mesh: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Vertices of a mesh about its centre, and its faces."""
+        """Vertices of a mesh as they were in its file, but for its scale, and its faces."""
+        import mujoco
+
         m = self.m
+        turned = np.empty(9)
+        mujoco.mju_quat2Mat(turned, m.mesh_quat[mesh])
         start, count = m.mesh_vertadr[mesh], m.mesh_vertnum[mesh]
         first, faces = m.mesh_faceadr[mesh], m.mesh_facenum[mesh]
-        return np.array(m.mesh_vert[start : start + count], float), np.array(m.mesh_face[first : first + faces])
+        vertices = np.array(m.mesh_vert[start : start + count], float) @ turned.reshape(3, 3).T + m.mesh_pos[mesh]
+        return vertices, np.array(m.mesh_face[first : first + faces])
 
     def _held(self, kind: str, e: int) -> dict[str, Any]:
         """What an equality constraint holds, as attributes."""

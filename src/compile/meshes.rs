@@ -28,8 +28,10 @@ struct Solid {
     moments: DVec3,
     /// The corners of the box along the axes that holds it.
     bounds: [DVec3; 2],
-    /// In that frame, rounded to single precision as MuJoCo does.
+    /// In that frame.
     vertices: Vec<DVec3>,
+    /// In the axes of its file.
+    filed: Vec<DVec3>,
     /// Its triangles, or those of its hull if it has none.
     triangles: Triangles,
     maxhullvert: Option<usize>,
@@ -152,13 +154,33 @@ impl Solid {
         let centred = |p: &DVec3| inward * (*p - frame.pos);
         let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let bounds = own.vertices.iter().map(centred).fold(start, |[low, high], p| [low.min(p), high.max(p)]);
-        let round = |p: &DVec3| centred(p).as_vec3().as_dvec3();
-        let vertices = own.vertices.iter().map(round).collect();
+        let vertices = own.vertices.iter().map(centred).collect();
+        let filed = mesh.triangles.vertices.iter().map(rounded).collect();
         if own.faces.is_empty() {
             own = hull()?;
         }
-        let triangles = Triangles { vertices: own.vertices.iter().map(round).collect(), faces: own.faces };
-        Ok(Solid { frame, volume: bulk.volume, moments, bounds, vertices, triangles, maxhullvert: mesh.maxhullvert })
+        let triangles =
+            Triangles { vertices: own.vertices.iter().map(|p| rounded(&centred(p))).collect(), faces: own.faces };
+        Ok(Solid {
+            frame,
+            volume: bulk.volume,
+            moments,
+            bounds,
+            vertices,
+            filed,
+            triangles,
+            maxhullvert: mesh.maxhullvert,
+        })
+    }
+
+    /// The hull that collides.
+    fn hull(&self) -> Result<Hull, mesh::Refused> {
+        let all: Vec<DVec3> = self.vertices.iter().map(rounded).collect();
+        let hull = mesh::hull(&all, self.maxhullvert)?;
+        let bits = |p: &DVec3| p.to_array().map(f64::to_bits);
+        let places: HashMap<[u64; 3], usize> = all.iter().map(bits).zip(0..).collect();
+        let taken = |from: &[DVec3]| hull.vertices.iter().map(|p| from[places[&bits(p)]]).collect::<Vec<_>>();
+        Ok(hull.outline(&taken(&self.vertices), &taken(&self.filed)))
     }
 
     /// Half sizes of the box of the same inertia.
@@ -188,6 +210,11 @@ impl Solid {
         let pose = own.then(&frame);
         (geom.pos, geom.quat) = (pose.pos.to_array(), pose.wxyz());
     }
+}
+
+/// A point in single precision, in which MuJoCo has vertices.
+fn rounded(p: &DVec3) -> DVec3 {
+    p.as_vec3().as_dvec3()
 }
 
 /// Sizes of a shape fitted to a box: within it, or of about its volume.
@@ -258,9 +285,9 @@ impl<'a> Hulls<'a> {
         if let Some(place) = self.places.get(geom.mesh.as_str()) {
             return *place;
         }
-        let place = match mesh::hull(&solid.vertices, solid.maxhullvert) {
+        let place = match solid.hull() {
             Ok(hull) => {
-                self.hulls.push(hull.outline());
+                self.hulls.push(hull);
                 self.hulls.len() as u32 - 1
             }
             Err(mesh::Refused) => {

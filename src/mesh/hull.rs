@@ -8,9 +8,11 @@ use parry3d_f64::transformation::try_convex_hull;
 
 use super::Triangles;
 
-/// Sine of the angle between triangles up to which they are one face. MuJoCo tells by the cell of a grid in which a normal lies: of 1083
-/// pairs of triangles in random poses it merged 99 % below 4e-4, half at 4e-3, none above 1e-2.
-const FLAT: f64 = 3e-3;
+/// Cells of an angle that tells where a normal points, per radian. Triangles that share an edge and whose normals lie in the same cell, by
+/// azimuth and inclination in the axes of the mesh's file, are one face: so it is with MuJoCo, found by experiment.
+const CELLS: f64 = 100.0;
+/// Normals whose height differs from ±1 by no more have no azimuth.
+const POLE: f64 = 1e-7;
 /// A hull of less thickness, relative to its extent, is flat.
 const THIN: f64 = 1e-9;
 /// Fewest vertices of a hull.
@@ -94,9 +96,10 @@ impl Triangles {
         volume <= THIN * extent.powi(3)
     }
 
-    /// A hull as colliders see it: vertices with their neighbours, and flat faces.
-    pub(crate) fn outline(&self) -> Hull {
-        let faces = self.flat_faces();
+    /// A hull as colliders see it: vertices with their neighbours, and flat faces. `exact`: its vertices before they were rounded; `filed`: in
+    /// the axes of the mesh's file.
+    pub(crate) fn outline(&self, exact: &[DVec3], filed: &[DVec3]) -> Hull {
+        let faces = self.flat_faces(exact, filed);
         let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.vertices.len()];
         for [a, b, c] in &self.faces {
             // Every edge belongs to two triangles, once in either direction.
@@ -107,9 +110,9 @@ impl Triangles {
         Hull::new(self.vertices.iter().map(|p| p.to_array()).collect(), &neighbours, faces)
     }
 
-    /// Triangles in one plane are one face.
-    fn flat_faces(&self) -> Vec<HullFace> {
-        let planes: Vec<(DVec3, f64)> = self.faces.iter().map(|face| plane(self.corners(*face))).collect();
+    /// Neighbouring triangles in a cell of directions are one face, and those without a normal belong to any.
+    fn flat_faces(&self, exact: &[DVec3], filed: &[DVec3]) -> Vec<HullFace> {
+        let cells = self.directions(filed);
         let edges = |f: usize| {
             let [a, b, c] = self.faces[f];
             [(a, b), (b, c), (c, a)]
@@ -121,20 +124,15 @@ impl Triangles {
         let mut face_of: Vec<Option<usize>> = vec![None; self.faces.len()];
         let mut out = Vec::new();
         for start in 0..self.faces.len() {
-            let (normal, _) = planes[start];
-            if face_of[start].is_some() || normal == DVec3::ZERO {
+            if face_of[start].is_some() || cells[start].is_none() {
                 continue;
             }
-            let flat = |f: usize| {
-                let (other, _) = planes[f];
-                other == DVec3::ZERO || (other.cross(normal).length() <= FLAT && other.dot(normal) > 0.0)
-            };
             let (mut members, mut next) = (vec![start], 0);
             face_of[start] = Some(start);
             while let Some(f) = members.get(next).copied() {
                 next += 1;
-                for other in edges(f).into_iter().filter_map(beyond).filter(|other| flat(*other)) {
-                    if face_of[other].is_none() {
+                for other in edges(f).into_iter().filter_map(beyond) {
+                    if face_of[other].is_none() && cells[other].is_none_or(|cell| Some(cell) == cells[start]) {
                         face_of[other] = Some(start);
                         members.push(other);
                     }
@@ -143,12 +141,36 @@ impl Triangles {
             let inner = |edge: (u32, u32)| beyond(edge).is_some_and(|other| face_of[other] == Some(start));
             let rim = members.iter().flat_map(|f| edges(*f)).filter(|edge| !inner(*edge)).collect();
             // Of many thin triangles each has its own rounding; together they say how the face lies.
-            let area: DVec3 = members.iter().map(|f| twice_area(self.corners(self.faces[*f]))).sum();
-            let normal = area.normalize_or(normal);
-            out.extend(walk(&rim).map(|corners| HullFace { normal: normal.to_array(), corners }));
+            let corners = |f: &usize| self.faces[*f].map(|vertex| exact[vertex as usize]);
+            let area: DVec3 = members.iter().map(|f| twice_area(corners(f))).sum();
+            if let Some(normal) = area.try_normalize() {
+                out.extend(walk(&rim).map(|corners| HullFace { normal: normal.to_array(), corners }));
+            }
         }
         out
     }
+
+    /// Of every triangle of a hull the cell in which its outward normal lies; `None` if it has no normal.
+    fn directions(&self, filed: &[DVec3]) -> Vec<Option<[i32; 2]>> {
+        let filed = Triangles { vertices: filed.to_vec(), faces: self.faces.clone() };
+        // A file's axes can be mirrored.
+        let from = filed.vertices[0];
+        let volume = |face: &[u32; 3]| {
+            let [a, b, c] = filed.corners(*face).map(|p| p - from);
+            a.dot(b.cross(c))
+        };
+        let outward = filed.faces.iter().map(volume).sum::<f64>().signum();
+        let cell = |face: &[u32; 3]| (twice_area(filed.corners(*face)) * outward).try_normalize().map(direction);
+        filed.faces.iter().map(cell).collect()
+    }
+}
+
+/// The cell of directions in which a unit vector lies.
+fn direction(normal: DVec3) -> [i32; 2] {
+    // Zeros without a sign, on which a straight angle's depends.
+    let [x, y, z] = (normal + DVec3::ZERO).to_array();
+    let azimuth = if z.abs() > 1.0 - POLE { 0.0 } else { y.atan2(x) };
+    [azimuth, z.clamp(-1.0, 1.0).acos()].map(|angle| (CELLS * angle).round() as i32)
 }
 
 /// The vertices of a rim in their order; `None` unless it is one round.

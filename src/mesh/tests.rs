@@ -1,6 +1,8 @@
 //! Meshes that can be worked out by hand, and files that lie.
 
-use glam::DVec3;
+use std::f64::consts::FRAC_PI_4;
+
+use glam::{DVec2, DVec3};
 
 use super::*;
 
@@ -123,7 +125,8 @@ fn files_that_lie_are_errors() {
 fn a_hull_has_flat_faces_and_the_farthest_vertices() {
     let mut points = cuboid().vertices;
     points.extend([DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.5, 1.0, 2.0), DVec3::new(4.0, 0.0, 0.0)]);
-    let hull = hull(&points, None).expect("a hull").outline();
+    let hull = hull(&points, None).expect("a hull");
+    let hull = hull.outline(&hull.vertices, &hull.vertices);
     assert_eq!((hull.vertices.len(), hull.faces.len()), (8, 6));
     assert!(hull.faces.iter().all(|face| face.corners.len() == 4));
     for direction in [[1.0, 0.1, 0.2], [-0.3, -1.0, 0.2], [0.1, 0.2, -1.0]] {
@@ -143,7 +146,8 @@ fn searches_on_large_hulls() {
         DVec3::new(r * turn.cos(), r * turn.sin(), z)
     };
     let points: Vec<DVec3> = (0..500).map(point).collect();
-    let outline = hull(&points, None).expect("a hull").outline();
+    let outline = hull(&points, None).expect("a hull");
+    let outline = outline.outline(&outline.vertices, &outline.vertices);
     assert_eq!(outline.vertices.len(), 500);
     for direction in points.iter().map(|p| DVec3::new(p.y, -p.z, 0.5 * p.x)) {
         let height = |p: &[f64; 3]| DVec3::from_array(*p).dot(direction);
@@ -175,5 +179,29 @@ fn thin_meshes_have_hulls() {
         let points: Vec<DVec3> = (0..1500).map(point).collect();
         let hull = hull(&points, None).expect("a hull");
         assert!(hull.vertices.iter().all(|p| points.contains(p)));
+    }
+}
+
+/// Corners of the faces of the hull of some points.
+fn faces(points: &[DVec3]) -> Vec<usize> {
+    let hull = hull(points, None).expect("a hull");
+    hull.outline(&hull.vertices, &hull.vertices).faces.iter().map(|face| face.corners.len()).collect()
+}
+
+/// MuJoCo 4.0.0 has the same faces of the same vertices: thirty sides whose azimuths are a milliradian apart are four, with 5, 10, 10 and 5 of
+/// them; the sides of a flat pyramid are one face up to a slope of √2e-7.
+#[test]
+fn triangles_in_a_cell_of_directions_are_one_face() {
+    let around = |i: i32| DVec2::from_angle(1e-3 * f64::from(i));
+    let mut points = vec![DVec3::new(-1.0, 0.3, -1.0), DVec3::new(-1.0, 0.3, 1.0)];
+    points.extend((0..=30).flat_map(|i| [-1.0, 1.0].map(|z| around(i).extend(z))));
+    let mut strips: Vec<usize> = faces(&points).into_iter().filter(|corners| *corners < 30).collect();
+    strips.sort_unstable();
+    assert_eq!(strips, [4, 4, 12, 12, 22, 22]);
+    for (slope, sides) in [(4.4e-4, 0), (4.5e-4, 8)] {
+        let corner = |i: i32| DVec2::from_angle(0.1 + FRAC_PI_4 * f64::from(i));
+        let mut points = vec![DVec3::new(0.0, 0.0, slope * (0.5 * FRAC_PI_4).cos())];
+        points.extend((0..8).flat_map(|i| [-1.0, 0.0].map(|z| corner(i).extend(z))));
+        assert_eq!(faces(&points).iter().filter(|corners| **corners == 3).count(), sides);
     }
 }
