@@ -4,7 +4,7 @@
 //! group sorts its worlds by their contacts, the most common ones first. Since no world's bits depend on its neighbours,
 //! this changes no result; every lane knows which world it holds, and at the end all are back where they came from.
 
-use lanesim_kernels::lane::{LaneQuery, Real};
+use lanesim_kernels::lane::{Lane, LaneQuery, Real};
 use lanesim_kernels::model::{Model, Sizes};
 use lanesim_kernels::state::{Applied, Status, state_len};
 use lanesim_kernels::workspace::Workspace;
@@ -220,9 +220,11 @@ impl<L: LaneQuery> Group<L> {
             let mut entry = 0;
             block.for_each(&mut |lanes| {
                 for x in lanes {
-                    for (lane, (_, place)) in from.iter().enumerate() {
-                        x.set(lane, moved[place / L::WIDTH * len + entry].get(place % L::WIDTH));
+                    let mut taken = [<L::Real as Lane>::zero(); 16];
+                    for (taken, (_, place)) in taken.iter_mut().zip(from) {
+                        *taken = moved[place / L::WIDTH * len + entry].get(place % L::WIDTH);
                     }
+                    x.put(0, &taken[..from.len()]);
                     entry += 1;
                 }
             });

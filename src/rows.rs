@@ -145,28 +145,18 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Writes a block of a matrix, which begins at entry `at` and whose rows are `stride` apart: height and width, and each number by its row and
-    /// its place in it.
-    pub(crate) fn block(
+    /// Writes a block of a matrix, which begins at entry `at` and whose rows are `stride` apart: height and width, and the numbers of each row,
+    /// from place `from` of what is given for it on. Nothing where no numbers are wanted.
+    pub(crate) fn block<const N: usize>(
         &mut self,
         (at, stride): (usize, usize),
         (height, width): (usize, usize),
-        number: impl Fn(usize, usize) -> f64,
+        from: usize,
+        row: impl Fn(usize) -> [f64; N],
     ) {
-        fn put<T>(to: &mut [T], stride: usize, (height, width): (usize, usize), number: impl Fn(usize, usize) -> T) {
-            for (row, to) in to.chunks_mut(stride.max(1)).take(height).enumerate() {
-                to.iter_mut().take(width).enumerate().for_each(|(i, to)| *to = number(row, i));
-            }
-        }
-        match self {
-            Rows::F64(x) => put(x.get_mut(at..).unwrap_or_default(), stride, (height, width), number),
-            Rows::F32(x) => {
-                put(x.get_mut(at..).unwrap_or_default(), stride, (height, width), |row, i| number(row, i) as f32)
-            }
-            Rows::I32(x) => {
-                put(x.get_mut(at..).unwrap_or_default(), stride, (height, width), |row, i| number(row, i) as i32)
-            }
-            Rows::Lists(_) => {}
+        let height = if self.is_empty() { 0 } else { height };
+        for i in 0..height {
+            self.write(at + i * stride, &row(i)[from..from + width]);
         }
     }
 

@@ -70,6 +70,7 @@ impl InstructionSet {
     }
 
     /// Bytes of a register.
+    #[inline(always)]
     pub(crate) fn vector_bytes(self) -> usize {
         match self {
             InstructionSet::Avx2 => 32,
@@ -78,6 +79,7 @@ impl InstructionSet {
     }
 
     /// Bytes that a displacement of one byte reaches to either side, in steps of `step` bytes.
+    #[inline(always)]
     pub(crate) fn short_reach(self, step: usize) -> usize {
         match self {
             InstructionSet::Avx2 => 128,

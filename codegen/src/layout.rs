@@ -33,6 +33,7 @@ impl Columns {
 }
 
 /// Distance from the start of a field, the slots or the constants to the address that code is given, bytes.
+#[inline(always)]
 pub(crate) fn bias(isa: InstructionSet, step: usize) -> usize {
     isa.short_reach(step)
 }

@@ -226,6 +226,9 @@ pub fn record<L: LaneQuery>(
     (now, lanes): ([L; 2], u32),
     sensors: &Sensors<L>,
 ) {
+    if model.ctrl_rings.is_empty() && model.sensor_rings.is_empty() {
+        return;
+    }
     let first = 1 + state.qpos.len();
     let State { history, low, ctrl, .. } = state;
     let (low, blur) = (low.get_mut(first..).unwrap_or(&mut []), blur::<L>(model));

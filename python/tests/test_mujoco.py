@@ -318,3 +318,49 @@ def test_bodies_without_mass_and_ranges_of_free_joints_are_taken_over() -> None:
           <body pos="0 0 1"><joint type="free" range="-60 60"/><geom size=".1"/></body></worldbody></mujoco>"""
     )
     same(exact, lanesim.Model.from_mjmodel(exact))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 1.1])
+def test_faces_of_meshes_are_mujocos(turn) -> None:
+    # A drum of many flat sides, two milliradians apart, of which MuJoCo takes several as one, on a box.
+    angles = turn + np.linspace(-0.06, 0.06, 61)
+    sides = [[x, y, z] for x, z in zip(np.sin(angles), np.cos(angles), strict=True) for y in (-0.2, 0.2)]
+    sine, cosine = np.sin(turn), np.cos(turn)
+    back = [[x * cosine - 0.5 * sine, y, -x * sine - 0.5 * cosine] for x in (-0.1, 0.1) for y in (-0.2, 0.2)]
+    vertices = " ".join(map(repr, np.ravel(sides + back).tolist()))
+    for lean in (0.003, 0.011, 0.024, 0.031):
+        # The box is below, where the middle of the drum's sides looks to.
+        text = f"""<mujoco><asset><mesh name="drum" vertex="{vertices}"/></asset><worldbody>
+          <geom type="box" size="1 1 .1" pos="0 0 -.1"/>
+          <body pos="0 0 .999" euler="0 {np.degrees(np.pi - turn - lean)} 0"><freejoint/><geom type="mesh" mesh="drum"/></body>
+          </worldbody></mujoco>"""
+        m = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(m)
+        mujoco.mj_forward(m, data)
+        frames = lanesim.Worlds(lanesim.Model.from_xml_string(text), 1, "f64", 1).get("contact_frame")[0]
+        assert len(frames) == data.ncon == 4
+        # Contacts have the normal of a side of the mesh: of which one that is nearly level, MuJoCo chooses by the order of its list.
+        normals = m.mesh_polynormal @ data.geom_xmat[1].reshape(3, 3).T
+        for frame in np.reshape(frames, (-1, 9)):
+            assert np.abs(normals + frame[:3]).max(1).min() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["ant", "hopper", "walker"])
+def test_few_iterations_leave_what_they_leave_with_mujoco(name) -> None:
+    path = MODELS / "zoo" / f"{name}.xml"
+    m = mujoco.MjModel.from_xml_path(str(path))
+    few = {"iterations": 2, "ls_iterations": 20, "solver": "Newton", "cone": "pyramidal", "integrator": "Euler"}
+    m.opt.iterations, m.opt.ls_iterations = few["iterations"], few["ls_iterations"]
+    m.opt.solver, m.opt.cone = mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtCone.mjCONE_PYRAMIDAL
+    m.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    worlds = lanesim.Worlds(lanesim.Model.from_xml_path(path, options=few), 1, "f64", 1)
+    errors = []
+    for data in corpus.states(m, 12):
+        worlds.set("qpos", data.qpos[None])
+        worlds.set("qvel", data.qvel[None])
+        worlds.set("ctrl", data.ctrl[None])
+        data.qacc_warmstart[:] = 0
+        worlds.set("qacc_warmstart", data.qacc_warmstart[None])
+        mujoco.mj_forward(m, data)
+        errors.append(np.abs(worlds.get("qacc")[0] - data.qacc).max() / np.abs(data.qacc).max())
+    assert np.median(errors) < 1e-6

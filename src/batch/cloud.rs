@@ -345,6 +345,9 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
         }
         let Cloud { ends: [nominal, plus, minus], slopes, .. } = &mut *cloud;
         end::differentiate(&self.tables, [nominal, plus, minus], [forward, backward], eps, slopes);
+        // No zero has a sign.
+        let (lost, none) = (L::mask_of(lost), L::of(f64::NAN));
+        slopes.iter_mut().for_each(|slope| *slope = L::select(lost, none, *slope + L::zero()));
         let first = work.shape.columns(kind).1;
         for (i, id) in work.ids.iter().enumerate() {
             let lanes = i * work.share..(i + 1) * work.share;
@@ -352,11 +355,12 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
                 continue;
             }
             let (start, count) = (columns[lanes.start].unwrap_or(0), columns[lanes.clone()].iter().flatten().count());
-            let slope = |row: usize, i: usize| match lost >> (lanes.start + i) & 1 {
-                0 => cloud.slopes[row].get(lanes.start + i).to_f64() + 0.0,
-                _ => f64::NAN,
+            let slopes = |row: usize| {
+                let (mut own, slopes) = ([0.0; LANES], &cloud.slopes[row]);
+                own.iter_mut().zip(lanes.clone()).for_each(|(own, lane)| *own = slopes.get(lane).to_f64());
+                own
             };
-            work.shape.write(rows, (*id, first + start), count, slope);
+            work.shape.write(rows, (*id, first + start), count, slopes);
             for (lane, column) in lanes.take(count).zip(first + start..) {
                 let taken = |lanes: u32| lanes >> lane & 1 != 0;
                 work.shape.mark(rows, *id, column, [taken(forward), taken(backward)], changed[lane]);

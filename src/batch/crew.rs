@@ -350,9 +350,10 @@ impl<L: LaneQuery<Real: Tables>> Crew<L> {
             let [low, high] = self.model.control_range(a);
             let (width, cut) = (scale * (high - low), (1.0 - scale) * 0.5 * (high - low));
             let low = low + cut;
-            let drawn = draws.map(|draws| low + width * draws.uniform(a as u64));
-            for (lane, x) in drawn.iter().enumerate().take(count) {
-                u.set(first + lane, L::Real::from_f64(*x));
+            let drawn = draws.map(|draws| L::Real::from_f64(low + width * draws.uniform(a as u64)));
+            match count {
+                DRAWS => u.put(first, &drawn),
+                _ => u.put(first, &drawn[..count]),
             }
         }
     }

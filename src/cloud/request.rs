@@ -196,22 +196,21 @@ impl Shape {
         }
     }
 
-    /// Writes some columns of a world that follow each other and are of one kind: how many, and each number by its row, those of all
-    /// matrices that have the column one after the other, and its column.
-    pub fn write(
+    /// Writes some columns of a world that follow each other and are of one kind: how many, and their numbers by row, those of all matrices
+    /// that have the column one after the other.
+    pub fn write<const N: usize>(
         &self,
         rows: &mut [Rows<'_>],
         (world, column): (usize, usize),
         count: usize,
-        slope: impl Fn(usize, usize) -> f64,
+        slopes: impl Fn(usize) -> [f64; N],
     ) {
         let (n, nv, nu, ns) = (2 * self.nv + self.na, self.nv, self.nu, self.nsensordata);
         // Of the place of a matrix, its height, its first row among the slopes, and its width.
         let mut put = |[place, height, above, width]: [usize; 4], column: usize, before: usize, count: usize| {
             let at = world * height * width + column;
-            rows[place].block((at, width), (if count > 0 { height } else { 0 }, count), |row, i| {
-                slope(above + row, before + i)
-            });
+            rows[place]
+                .block((at, width), (if count > 0 { height } else { 0 }, count), before, |row| slopes(above + row));
         };
         // Activations and controls are of one kind.
         let states = n.saturating_sub(column).min(count);

@@ -353,17 +353,17 @@ impl<T: Float> Session<'_, T> {
         // SAFETY: as in `Fragment::run`: `bind` has compared the fields, and `call` vouches for the rest.
         let run = |runner: Runner, arguments: &Arguments| unsafe { runner.run(arguments) };
         let mut masks = call.known;
-        for part in Part::all::<T>(call.isa) {
+        Part::each::<T>(call.isa, |part| {
             if part.is_left_out(lanes) {
                 masks.iter_mut().for_each(|mask| *mask &= !part.lanes);
-                continue;
+                return;
             }
             let (given, mut returned) = ([mask >> part.first], [0; MASKS]);
             part.run((call, runner), slots, (given.as_ptr(), returned.as_mut_ptr()), run);
             for i in 0..MASKS {
                 masks[i] |= (written(&returned[i]) << part.first) & call.left[i];
             }
-        }
+        });
         Some(masks)
     }
 
@@ -382,13 +382,13 @@ impl<T: Float> Session<'_, T> {
         }
         // SAFETY: as in `run`; the scratch has had room for the masks returned since the call was bound.
         let run = |runner: Runner, arguments: &Arguments| unsafe { runner.run(arguments) };
-        for part in Part::all::<T>(call.isa) {
+        Part::each::<T>(call.isa, |part| {
             let given = [mask >> part.first];
             part.run((call, runner), slots, (given.as_ptr(), masks_out.as_mut_ptr()), run);
             for ((mask, word), [left, _]) in returned.iter_mut().zip(&*masks_out).zip(&call.masks) {
                 *mask |= (written(word) << part.first) & left;
             }
-        }
+        });
         Some(())
     }
 
@@ -411,14 +411,17 @@ impl<T: Float> Session<'_, T> {
         if windows.is_empty() {
             return Some(());
         }
-        for part in Part::all::<T>(call.isa).filter(|part| !part.is_left_out(lanes)) {
+        Part::each::<T>(call.isa, |part| {
+            if part.is_left_out(lanes) {
+                return;
+            }
             let given = [mask >> part.first];
             // SAFETY: as in `Fragment::run_each`: `bind` has compared the fields, which have room for windows from all starts
             // of the list, and `call` vouches for the rest.
             part.run((call, runner), slots, (given.as_ptr(), std::ptr::null_mut()), |runner, arguments| unsafe {
                 runner.run_each(arguments, windows.offsets.as_flattened());
             });
-        }
+        });
         Some(())
     }
 
@@ -437,7 +440,7 @@ impl<T: Float> Session<'_, T> {
         let Ready { call, runner, slots, .. } = self.call(call)?;
         call.check(&windows);
         assert!(masks.len() == windows.len() && call.given == 1, "number of masks");
-        for part in Part::all::<T>(call.isa) {
+        Part::each::<T>(call.isa, |part| {
             for (mask, item) in masks.iter().zip(windows.offsets) {
                 let given = [mask >> part.first];
                 // SAFETY: as in `run_each`, for one item of the list.
@@ -445,7 +448,7 @@ impl<T: Float> Session<'_, T> {
                     runner.run_each(arguments, item);
                 });
             }
-        }
+        });
         Some(())
     }
 
@@ -499,18 +502,23 @@ struct Part {
     lanes: u32,
     /// Whether it is all of the block.
     alone: bool,
+    /// From the start of the slots to where code has them.
+    bias: usize,
 }
 
 impl Part {
-    /// The parts of a block.
+    /// Calls `f` with every part of a block. All that is known of a part is a constant where it is called, as this is inlined.
     #[inline(always)]
-    fn all<T: Float>(isa: InstructionSet) -> impl Iterator<Item = Part> {
-        let lanes = isa.vector_bytes() / T::PRECISION.bytes();
-        let count = BLOCK_BYTES / isa.vector_bytes();
-        (0..count).map(move |number| {
-            let first = number * lanes;
-            Part { number, first, lanes: ((1 << lanes) - 1) << first, alone: count == 1 }
-        })
+    fn each<T: Float>(isa: InstructionSet, mut f: impl FnMut(&Part)) {
+        let part = |isa: InstructionSet, number: usize| {
+            let (lanes, alone) = (isa.vector_bytes() / T::PRECISION.bytes(), isa.vector_bytes() == BLOCK_BYTES);
+            let (first, bias) = (number * lanes, super::bias(isa, isa.vector_bytes()));
+            Part { number, first, lanes: ((1 << lanes) - 1) << first, alone, bias }
+        };
+        match isa {
+            InstructionSet::Avx2 => (0..2).for_each(|number| f(&part(InstructionSet::Avx2, number))),
+            InstructionSet::Avx512 => f(&part(InstructionSet::Avx512, 0)),
+        }
     }
 
     /// Whether there is nothing to do. Nobody asks that for all of a block.
@@ -527,7 +535,7 @@ impl Part {
         (masks_in, masks_out): (*const u32, *mut u32),
         run: impl Fn(Runner, &Arguments),
     ) {
-        let slots = slots.wrapping_add(super::bias(call.isa, call.isa.vector_bytes()));
+        let slots = slots.wrapping_add(self.bias);
         let fields = call.addresses.wrapping_add(self.number * call.fields as usize).cast();
         run(runner, &Arguments { fields, constants: call.constants, slots, masks_in, masks_out });
     }

@@ -197,6 +197,11 @@ pub trait LaneQuery: Lane<Real: Scalar> {
     fn get(&self, i: usize) -> Self::Real;
     /// Replaces the entry of lane `i`.
     fn set(&mut self, i: usize, x: Self::Real);
+    /// Replaces the entries of lanes from `first` on.
+    #[inline(always)]
+    fn put(&mut self, first: usize, entries: &[Self::Real]) {
+        entries.iter().zip(first..).for_each(|(x, lane)| self.set(lane, *x));
+    }
     /// Whether the mask holds in any lane.
     fn any(mask: Self::Mask) -> bool;
     /// The mask as bits, lane 0 lowest.

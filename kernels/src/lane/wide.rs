@@ -91,6 +91,10 @@ macro_rules! wide_lane {
                 self.as_mut_array()[i] = x;
             }
             #[inline(always)]
+            fn put(&mut self, first: usize, entries: &[$real]) {
+                self.as_mut_array()[first..first + entries.len()].copy_from_slice(entries);
+            }
+            #[inline(always)]
             fn any(mask: Self) -> bool {
                 mask.any()
             }

@@ -19,8 +19,9 @@ pub struct Trial<M> {
 
 /// Of Newton's method, the first searches of a solve are rough: they end where the slope is this part of the one at their start.
 const ROUGH: f64 = 0.9;
-/// Number of these searches.
-const ROUGH_SEARCHES: f64 = 6.0;
+/// Number of these searches. Where no more iterations are allowed, all are exact: what is left after them then compares with what MuJoCo
+/// leaves.
+const ROUGH_SEARCHES: u32 = 6;
 
 /// Looks at the slope where the last step has led, and chooses the next one for the lanes of `open` that are not yet at the
 /// minimum: Newton's, or else the middle of the bracket. On the `first` call, of Newton's method, also finds the lanes that
@@ -46,11 +47,11 @@ pub fn probe<L: Lane>(
     joints::slope(problem, alpha, y, v, &mut sum);
     let [slope, curvature] = [sum[0] + line.contact_slope(), sum[1] + line.contact_curvature()];
     let precision = |part: f64| L::of(part.max(8.0 * L::Real::EPSILON));
-    let precision = if conjugate {
+    let precision = if conjugate || options.iterations <= ROUGH_SEARCHES {
         // Conjugacy is lost by a rough search.
         precision(1e-6 * options.ls_tolerance)
     } else {
-        let rough = line.searches().le(L::of(ROUGH_SEARCHES));
+        let rough = line.searches().le(L::of(f64::from(ROUGH_SEARCHES)));
         L::select(rough, precision(options.ls_tolerance.max(ROUGH)), precision(options.ls_tolerance))
     };
     let tolerance = line.descent().abs() * precision;
